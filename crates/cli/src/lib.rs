@@ -1,0 +1,45 @@
+//! The `etendue` command line: one module for each command under [`commands`].
+//!
+//! [`main`] parses arguments, runs the command and turns its result into an exit code. It is a library so that the
+//! Python package can offer the same command.
+
+pub mod commands;
+
+use std::ffi::OsString;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// One renderer for the scene files you already have.
+#[derive(Parser)]
+#[command(name = "etendue", version, propagate_version = true)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Measure the renderer's kernels.
+    Bench(commands::bench::Args),
+}
+
+/// Runs the command line and returns the process's exit code (docs/guide/exit-codes.md).
+pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
+    let cli = match Cli::try_parse_from(args) {
+        Ok(cli) => cli,
+        Err(e) => {
+            // Help and version go to standard output with success, faults to standard error.
+            let code = if e.use_stderr() { 2 } else { 0 };
+            let _ = e.print();
+            return ExitCode::from(code);
+        }
+    };
+    let result = match cli.command {
+        Command::Bench(args) => commands::bench::run(args),
+    };
+    match result {
+        Ok(code) => code,
+        Err(e) => commands::report_error(&e),
+    }
+}
