@@ -4,6 +4,7 @@
 //! computes samples of it; a session schedules the samples into a film; `film::develop` makes images.
 
 pub mod accel;
+pub mod bsdf;
 pub mod math;
 pub mod shape;
 pub mod spectrum;
