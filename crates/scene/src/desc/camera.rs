@@ -1,0 +1,131 @@
+//! Cameras, film and integrator as files describe them.
+
+use glam::Mat4;
+use serde::{Deserialize, Serialize};
+
+/// Along which edge of the picture a field of view is measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum FovAxis {
+    /// Width.
+    #[default]
+    X,
+    /// Height.
+    Y,
+    /// The shorter edge.
+    Smaller,
+    /// The longer edge.
+    Larger,
+    /// The diagonal.
+    Diagonal,
+}
+
+/// How a camera projects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ProjectionDesc {
+    /// Central perspective; a thin lens where `aperture_radius` > 0.
+    Perspective {
+        /// Full field of view along `fov_axis`.
+        fov_rad: f32,
+        /// What the field of view spans.
+        fov_axis: FovAxis,
+        /// Radius of the lens; 0 is a pinhole.
+        aperture_radius: f32,
+        /// Distance of the plane in focus.
+        focus_distance: f32,
+        /// Shift of the picture's middle in units of its width and height.
+        principal_point_offset: [f32; 2],
+    },
+    /// Parallel projection.
+    Orthographic {
+        /// Half of the width of the visible region, in scene units.
+        half_width: f32,
+        /// Half of the height; `None`: from the picture's aspect ratio.
+        half_height: Option<f32>,
+    },
+    /// All directions in latitude and longitude; the middle of the picture looks along −z.
+    Panoramic,
+}
+
+/// A camera. Its own space: +x right, +y up, looking along −z.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CameraDesc {
+    /// Places it in the world.
+    pub world_from_camera: Mat4,
+    /// How it projects.
+    pub projection: ProjectionDesc,
+    /// Nothing nearer is seen.
+    pub near: f32,
+    /// Nothing farther is seen.
+    pub far: f32,
+}
+
+/// A reconstruction filter; names and parameters as in Mitsuba 3.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub enum FilterDesc {
+    /// One pixel, constant.
+    #[default]
+    Box,
+    /// A tent of two pixels.
+    Tent,
+    /// A Gaussian of a standard deviation in pixels.
+    Gaussian {
+        /// Standard deviation.
+        stddev: f32,
+    },
+    /// Mitchell and Netravali's cubic.
+    Mitchell {
+        /// B
+        b: f32,
+        /// C
+        c: f32,
+    },
+    /// Catmull–Rom's cubic.
+    CatmullRom,
+    /// Blackman and Harris's window.
+    BlackmanHarris,
+    /// A sinc with so many lobes, windowed.
+    Lanczos {
+        /// Lobes.
+        lobes: u32,
+    },
+}
+
+/// What a file says of the picture.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FilmDesc {
+    /// Width in pixels; `None`: not said.
+    pub width: Option<u32>,
+    /// Height in pixels; `None`: not said.
+    pub height: Option<u32>,
+    /// Crop window in pixels: x0, y0, x1, y1.
+    pub crop: Option<[u32; 4]>,
+    /// Filter; `None`: not said.
+    pub filter: Option<FilterDesc>,
+    /// Samples per pixel; `None`: not said.
+    pub spp: Option<u32>,
+    /// Sampler's name; empty: not said.
+    pub sampler: String,
+    /// Seed; `None`: not said.
+    pub seed: Option<u64>,
+    /// Exposure in stops that the file asks for when the picture is shown.
+    pub exposure: f32,
+}
+
+impl Default for FilmDesc {
+    fn default() -> Self {
+        Self { width: None, height: None, crop: None, filter: None, spp: None, sampler: String::new(), seed: None, exposure: 0.0 }
+    }
+}
+
+/// What a file says of the integrator.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IntegratorDesc {
+    /// Our name of it (`path`, `direct`, `ao`, `whitted`, …); empty: not said.
+    pub name: String,
+    /// Longest path in edges from the camera, 1 = direct light; `None`: not said or without limit.
+    pub max_depth: Option<u32>,
+    /// Path length from which Russian roulette may end a path; `None`: not said.
+    pub rr_depth: Option<u32>,
+    /// Lights do not show where the camera looks at them.
+    pub hide_lights: bool,
+}

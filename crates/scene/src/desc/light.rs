@@ -1,0 +1,92 @@
+//! Lights that are no shapes.
+
+use glam::{Mat4, Vec3};
+use serde::{Deserialize, Serialize};
+
+use super::{ImageId, TextureId};
+
+/// How a spot light fades between its inner and outer cone.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum SpotFalloff {
+    /// Linear in the angle (Mitsuba).
+    #[default]
+    Linear,
+    /// The square of a linear ramp of the cosine (KHR_lights_punctual).
+    CosineSquared,
+    /// Smoothstep of the cosine (pbrt).
+    Smoothstep,
+}
+
+/// A light.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum LightDesc {
+    /// A point.
+    Point {
+        /// Where.
+        position: Vec3,
+        /// Radiant intensity, W/sr.
+        intensity: [f32; 3],
+    },
+    /// A point with a cone, along −z of its own space as in glTF.
+    Spot {
+        /// Places it; the cone's axis is −z.
+        world_from_light: Mat4,
+        /// Radiant intensity on the axis, W/sr.
+        intensity: [f32; 3],
+        /// Half-angle of the cone beyond which it is dark.
+        outer_rad: f32,
+        /// Half-angle of the cone within which it is full.
+        inner_rad: f32,
+        /// Between the two.
+        falloff: SpotFalloff,
+        /// A picture projected through the cone.
+        texture: Option<TextureId>,
+    },
+    /// From infinitely far away.
+    Directional {
+        /// Where the light travels to, unit.
+        direction: Vec3,
+        /// Irradiance on a surface that faces the light, W/m².
+        irradiance: [f32; 3],
+    },
+    /// The same radiance from everywhere.
+    Constant {
+        /// Radiance.
+        radiance: [f32; 3],
+    },
+    /// A picture all round, in latitude and longitude: +y is up (first row), the middle column lies towards −z of its own space,
+    /// +x is a quarter to the right of it.
+    Environment {
+        /// Equirectangular picture of linear radiance.
+        image: ImageId,
+        /// Factor on the picture.
+        scale: [f32; 3],
+        /// Turns the picture's space into the world's.
+        world_from_light: Mat4,
+    },
+    /// Sky and sun by a physical model.
+    SunSky(Box<SunSkyDesc>),
+}
+
+/// Sky and sun. The model's own space has +z to the zenith.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct SunSkyDesc {
+    /// Whether the sky shines.
+    pub sky: bool,
+    /// Whether the sun shines.
+    pub sun: bool,
+    /// Direction to the sun in the model's space, unit.
+    pub sun_direction: Vec3,
+    /// Turbidity, 1 to 10.
+    pub turbidity: f32,
+    /// Reflectance of the ground, [0, 1].
+    pub albedo: [f32; 3],
+    /// Factor on the sky.
+    pub sky_scale: f32,
+    /// Factor on the sun.
+    pub sun_scale: f32,
+    /// Half of the sun's angular diameter; its irradiance does not depend on it.
+    pub sun_half_angle_rad: f32,
+    /// Turns the model's space into the world's.
+    pub world_from_light: Mat4,
+}

@@ -1,0 +1,49 @@
+//! Readers and writers of scene formats, one folder each. [`read`] picks the reader by the file's name and content.
+
+pub mod gltf;
+pub mod mesh;
+pub mod mitsuba;
+mod resolver;
+
+pub use resolver::{ResolveError, Resolver};
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::desc::SceneDesc;
+use crate::report::ReadError;
+
+/// What a reader may be told.
+#[derive(Clone, Debug, Default)]
+pub struct ReadOptions {
+    /// Folders beside the scene's own in which it may read files.
+    pub search_paths: Vec<PathBuf>,
+    /// Values for `$key` in Mitsuba files.
+    pub defines: BTreeMap<String, String>,
+    /// The material variant of a glTF file (KHR_materials_variants).
+    pub variant: Option<String>,
+    /// The scene of a glTF file, by name or number.
+    pub scene: Option<String>,
+}
+
+/// Reads a scene of any format: `.xml` (Mitsuba), `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
+/// the file has none; loads its meshes and checks it.
+///
+/// # Errors
+/// [`ReadError`] with every fault that was found.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> {
+    let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    let mut desc = match extension.as_str() {
+        "xml" => mitsuba::read(path, options)?,
+        "gltf" | "glb" => gltf::read(path, options)?,
+        "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
+        _ => {
+            let reason = "not a scene format that etendue reads (xml, gltf, glb, obj, ply, stl)".to_owned();
+            return Err(ReadError::Unsupported { path: path.to_owned(), reason });
+        }
+    };
+    crate::passes::load_meshes(&mut desc)?;
+    crate::passes::complete(&mut desc);
+    crate::validate::validate(&mut desc)?;
+    Ok(desc)
+}

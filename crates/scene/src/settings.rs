@@ -1,0 +1,33 @@
+//! How to render: what a file, the command line or Python may set.
+
+use crate::params;
+
+params! {
+    /// How to render a scene. `None` leaves the choice to the scene file, then to the renderer.
+    pub struct RenderSettings {
+        /// Width of the picture.
+        width: Option<u32> = None, "integer", "pixels";
+        /// Height of the picture.
+        height: Option<u32> = None, "integer", "pixels";
+        /// Samples per pixel.
+        spp: Option<u32> = None, "integer", "samples";
+        /// How light is computed: path, direct, whitted, ao, normals.
+        integrator: Option<String> = None, "name", "";
+        /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
+        sampler: Option<String> = None, "name", "";
+        /// Reconstruction filter: box, tent, gaussian, mitchell, blackman-harris, lanczos.
+        filter: Option<String> = None, "name", "";
+        /// Selects the random numbers: the same seed gives the same picture, bit for bit.
+        seed: u64 = 0, "integer", "";
+        /// Longest path in edges from the camera; 0 shows lights only, 1 direct light.
+        max_depth: Option<u32> = None, "integer", "edges";
+        /// Path length from which Russian roulette may end a path.
+        rr_depth: Option<u32> = None, "integer", "edges";
+        /// Which lights next-event estimation chooses: bvh, power, uniform.
+        light_sampler: Option<String> = None, "name", "";
+        /// Reach of ambient occlusion; unlimited where not given.
+        ao_distance: Option<f32> = None, "number", "scene units";
+        /// Name or number of the camera, where a file has several.
+        camera: Option<String> = None, "name or number", "";
+    }
+}
