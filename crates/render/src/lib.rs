@@ -5,6 +5,8 @@
 
 pub mod accel;
 pub mod bsdf;
+pub mod camera;
 pub mod math;
+pub mod sampler;
 pub mod shape;
 pub mod spectrum;
