@@ -1,0 +1,91 @@
+//! The compiled scene: flat arrays that no one changes after [`compile`].
+
+pub mod geometry;
+pub mod surface;
+
+pub use surface::Surface;
+
+use etendue_scene::desc::{Color, Param, Scalar, TextureId};
+
+use crate::accel::{Accel, Ray};
+use crate::camera::Camera;
+use crate::light::{Light, LightSampler};
+use crate::material::Material;
+use crate::math::{Aabb, Vec3};
+use crate::spectrum::Spectrum;
+use crate::texture::Texture;
+use geometry::{Geometry, Placement};
+
+/// Everything that an integrator looks at. `Send + Sync`, immutable.
+pub struct Scene {
+    /// What hierarchies were built from: the first is the world, the others are instanced groups.
+    pub geometries: Vec<Geometry>,
+    /// Placed geometries; a hit's `instance` is an index here.
+    pub placements: Vec<Placement>,
+    /// The hierarchy.
+    pub accel: Accel,
+    /// Materials; the index is the description's `BsdfId`, and the last one is the default.
+    pub materials: Vec<Material>,
+    /// Textures; the index is the description's `TextureId`.
+    pub textures: Vec<Texture>,
+    /// All lights.
+    pub lights: Vec<Light>,
+    /// Light group of each light.
+    pub light_groups: Vec<u32>,
+    /// Names of the light groups; the first is the unnamed one.
+    pub group_names: Vec<String>,
+    /// Lights that surround the scene: indices into `lights`.
+    pub infinite_lights: Vec<u32>,
+    /// Chooses lights for next-event estimation.
+    pub light_sampler: LightSampler,
+    /// Media: the index is the description's `MediumId`.
+    pub media: Vec<crate::medium::Medium>,
+    /// The camera.
+    pub camera: Camera,
+    /// Box of all bounded geometry.
+    pub bounds: Aabb,
+    /// Whether any material lets light straight through, so that shadow rays must look.
+    pub has_null: bool,
+    /// Lights do not show where the camera looks at them.
+    pub hide_lights: bool,
+}
+
+impl Scene {
+    /// A texture by its id.
+    #[inline]
+    pub fn texture(&self, id: TextureId) -> &Texture {
+        &self.textures[id.0 as usize]
+    }
+
+    /// The color of a parameter at a surface point.
+    #[inline]
+    pub fn color(&self, param: &Color, s: &Surface) -> Spectrum {
+        match param {
+            Param::Constant(c) => Spectrum::from_rgb(*c),
+            Param::Texture(id) => self.texture(*id).color(self, s),
+        }
+    }
+
+    /// The number of a parameter at a surface point.
+    #[inline]
+    pub fn scalar(&self, param: &Scalar, s: &Surface) -> f32 {
+        match param {
+            Param::Constant(v) => *v,
+            Param::Texture(id) => self.texture(*id).scalar(self, s),
+        }
+    }
+
+    /// The surface that a ray hits first.
+    #[inline]
+    pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
+        self.accel.intersect(ray).map(|hit| self.surface(ray, &hit))
+    }
+
+    /// Radiance that a surface emits along `wo` (world space), without the light that falls on it.
+    pub fn emitted(&self, s: &Surface, wo: Vec3) -> Spectrum {
+        match &s.object(self).emission {
+            Some(e) if e.two_sided || s.ng.dot(wo) > 0.0 => self.color(&e.radiance, s),
+            _ => Spectrum::ZERO,
+        }
+    }
+}
