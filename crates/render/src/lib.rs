@@ -5,6 +5,8 @@
 
 pub mod accel;
 pub mod bsdf;
+pub mod film;
+pub mod image;
 pub mod math;
 pub mod shape;
 pub mod spectrum;
