@@ -48,7 +48,8 @@ impl RoughDiffuse {
         let tan_half = (sin_alpha + sin_beta) / (cos_alpha + cos_beta);
         let single = c1 + cos_phi * c2 * (sin_beta / cos_beta) + (1.0 - cos_phi.abs()) * c3 * tan_half;
         let double = 0.17 * s2 / (s2 + 0.13) * (1.0 - cos_phi * t * t);
-        self.reflectance.map(|rho| rho * (single + rho * double) * INV_PI * wi.z)
+        // The fit dips below zero by rounding errors where both directions are grazing.
+        self.reflectance.map(|rho| (rho * (single + rho * double) * INV_PI * wi.z).max(0.0))
     }
 
     /// See the contract in [`crate::bsdf`].

@@ -26,19 +26,12 @@ impl RoughTransmittance {
         let microfacet = Microfacet::isotropic(distribution, alpha);
         let nodes = gauss_legendre();
         let mut table = [0; RES];
-        for (i, t) in table.iter_mut().enumerate() {
-            let mu = (i as f32 / (RES - 1) as f32).max(1e-6);
+        for (t, mu) in table.iter_mut().zip(cosines()) {
             *t = (directional(&microfacet, mu, eta, true, &nodes).clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16;
         }
-        // 2 ∫ R(µ) µ dµ, split where total reflection begins if the interface is smooth.
-        let critical = safe_sqrt(1.0 - 1.0 / (eta * eta));
-        let mut internal = 0.0;
-        for (from, to) in [(0.0, critical), (critical, 1.0)] {
-            for &(x, w) in &nodes {
-                let mu = from + (to - from) * x;
-                internal += 2.0 * mu * w * (to - from) * directional(&microfacet, mu.max(1e-6), 1.0 / eta, false, &nodes);
-            }
-        }
+        // 2 ∫ R(µ) µ dµ, as the mean over the table's cosines: some 1 % below the integral. That error is kept so that
+        // pictures agree with Mitsuba's `roughplastic`, which takes the same mean.
+        let internal = cosines().map(|mu| mu * directional(&microfacet, mu, 1.0 / eta, false, &nodes)).sum::<f32>() * (2.0 / RES as f32);
         Self { table, internal_reflectance: internal.clamp(0.0, 0.999) }
     }
 
@@ -50,6 +43,11 @@ impl RoughTransmittance {
         let (a, b) = (f32::from(self.table[i]), f32::from(self.table[i + 1]));
         (a + (b - a) * (x - i as f32)) * (1.0 / 65_535.0)
     }
+}
+
+// The cosines of the table.
+fn cosines() -> impl Iterator<Item = f32> {
+    (0..RES).map(|i| (i as f32 / (RES - 1) as f32).max(1e-6))
 }
 
 // The share of light from a direction with cosine `mu` that goes through (`transmit`) or comes back, by quadrature over
@@ -111,7 +109,7 @@ mod tests {
                 let exact = 1.0 - fresnel::dielectric(cos, 1.5).0;
                 assert!((t.eval(cos) - exact).abs() < 3e-3, "{cos} {} {exact}", t.eval(cos));
             }
-            assert!((t.internal_reflectance - fresnel::diffuse_reflectance(1.0 / 1.5)).abs() < 5e-3, "{}", t.internal_reflectance);
+            assert!((t.internal_reflectance / fresnel::diffuse_reflectance(1.0 / 1.5) - 1.0).abs() < 0.03, "{}", t.internal_reflectance);
         }
     }
 }
