@@ -93,6 +93,8 @@ pub struct Placement {
     pub geometry: u32,
     /// Places the geometry's space in the world; `None` is the identity.
     pub world_from_object: Option<Mat4>,
+    /// The inverse; `None` is the identity.
+    pub object_from_world: Option<Mat4>,
     /// The inverse's upper 3×3, transposed: for normals.
     pub normal_matrix: glam::Mat3,
     /// The transform mirrors.
@@ -107,6 +109,7 @@ impl Placement {
         Self {
             geometry,
             world_from_object: (!identity).then_some(world_from_object),
+            object_from_world: (!identity).then(|| world_from_object.inverse()),
             normal_matrix: m.inverse().transpose(),
             mirrors: m.determinant() < 0.0,
         }

@@ -152,16 +152,12 @@ impl Scene {
         let object_index = g.object_of_primitive[hit.prim as usize];
         let object = &g.objects[object_index as usize];
         let mut local = if let Some(shape) = (hit.prim as usize).checked_sub(g.triangles.len()) {
-            let local_ray = match placement.world_from_object {
-                // Only the point on the surface matters here, which the shape finds again from its parameters.
-                Some(m) => {
-                    let inv = m.inverse();
-                    Ray { o: inv.transform_point3(ray.o), d: inv.transform_vector3(ray.d), ..*ray }
-                }
-                None => *ray,
-            };
-            let s = g.shapes[shape].surface(&local_ray, hit.t, Vec2::new(hit.u, hit.v));
-            Local { p: s.p, ng: s.ng, ns: s.ng, uv: s.uv, dpdu: s.dpdu, dpdv: s.dpdv, tangent: None }
+            let mut p = ray.at(hit.t);
+            if let Some(object_from_world) = placement.object_from_world {
+                p = object_from_world.transform_point3(p);
+            }
+            let g = g.shapes[shape].surface(p);
+            Local { p: g.p, ng: g.ng, ns: g.ng, uv: g.uv, dpdu: g.dpdu, dpdv: g.dpdv, tangent: None }
         } else {
             triangle(g, object, hit)
         };
@@ -175,7 +171,8 @@ impl Scene {
             local.dpdv = m.transform_vector3(local.dpdv);
             local.tangent = local.tangent.map(|(t, w)| (m.transform_vector3(t), w * sign));
         }
-        if object.flip_normals {
+        // Analytic shapes have turned their normals themselves.
+        if object.flip_normals && (hit.prim as usize) < g.triangles.len() {
             local.ng = -local.ng;
             local.ns = -local.ns;
         }
