@@ -4,12 +4,14 @@
 //! from [`fns`], never from `f32`'s methods, so that pictures have the same bits on every machine.
 
 pub mod aabb;
+pub mod distribution;
 pub mod fns;
 pub mod frame;
 pub mod hash;
 pub mod warp;
 
 pub use aabb::Aabb;
+pub use distribution::{PiecewiseConstant1D, PiecewiseConstant2D};
 pub use frame::Frame;
 pub use glam::{Affine3A, Mat3, Mat4, Vec2, Vec3, Vec4};
 
