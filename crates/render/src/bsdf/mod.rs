@@ -14,6 +14,8 @@
 //! - A model that has no transmission is black for `wo.z <= 0`; two-sidedness is the material's affair.
 
 pub mod diffuse;
+pub mod fresnel;
+pub mod microfacet;
 
 pub use diffuse::Diffuse;
 
