@@ -16,8 +16,10 @@
 pub mod diffuse;
 pub mod fresnel;
 pub mod microfacet;
+pub mod principled;
 
 pub use diffuse::Diffuse;
+pub use principled::Principled;
 
 use crate::math::{Vec2, Vec3};
 use crate::spectrum::Spectrum;
@@ -122,4 +124,6 @@ macro_rules! bsdfs {
 bsdfs! {
     /// Lambert's ideally diffuse reflection.
     Diffuse,
+    /// Disney's principled model.
+    Principled,
 }
