@@ -16,9 +16,11 @@
 pub mod diffuse;
 pub mod fresnel;
 pub mod microfacet;
+pub mod pbr;
 pub mod principled;
 
 pub use diffuse::Diffuse;
+pub use pbr::Pbr;
 pub use principled::Principled;
 
 use crate::math::{Vec2, Vec3};
@@ -126,4 +128,6 @@ bsdfs! {
     Diffuse,
     /// Disney's principled model.
     Principled,
+    /// The glTF metallic-roughness material with its extensions.
+    Pbr,
 }
