@@ -19,10 +19,9 @@ fn direction(mu: f32, phi: f32) -> Vec3 {
 fn measured_albedo(b: &Pbr, wo: Vec3, n: u64) -> Spectrum {
     let mut sum = [0.0f64; 3];
     for i in 0..n {
-        let (u_lobe, u) = random(1, i);
-        // A rank-one lattice in the plane, shifted: less noise than independent points.
-        let u = Vec2::new((u.x / n as f32 + i as f32 / n as f32).min(0.999_999_9), u.y);
-        let u_lobe = (u_lobe + i as f32 * 0.618_034).fract();
+        // The additive sequence of the plastic number's kin in three dimensions: less noise than independent points.
+        let r = |a: f64| ((i as f64 + 0.5) * a).fract() as f32 * 0.999_999_9;
+        let (u_lobe, u) = (r(0.819_172_513_396_164_5), Vec2::new(r(0.671_043_606_703_789_3), r(0.549_700_477_901_970_3)));
         if let Some(s) = b.sample(wo, u_lobe, u, TransportMode::Radiance) {
             for (sum, v) in sum.iter_mut().zip(s.value.rgb()) {
                 // Light is narrowed by refraction: albedo is a matter of power.
@@ -66,4 +65,19 @@ fn albedos_are_those_of_cycles() {
         }
     }
     let _ = Lobe::DELTA;
+}
+
+#[test]
+fn furnace() {
+    let white = Spectrum::from_rgb([1.0; 3]);
+    for metallic in [0.0, 1.0] {
+        for roughness in [0.0, 0.1, 0.3, 0.5, 0.7, 0.85, 1.0] {
+            for mu in [0.02, 0.05, 0.1, 0.25, 0.5, 0.8, 1.0] {
+                let b = Pbr { base_color: white, metallic, roughness, ..Default::default() };
+                let a = measured_albedo(&b, direction(mu, 0.3), 400_000)[0];
+                let (_, _) = random(0, 0);
+                eprintln!("F {metallic} {roughness} {mu} {a:.4}");
+            }
+        }
+    }
 }

@@ -55,7 +55,8 @@ pub(super) struct Layers<'a> {
     under_dielectric: f32,
     /// Albedo of the lobe with perfectly reflecting facets.
     e: f32,
-    glass_e: f32,
+    /// Gain of the glass by multiple scattering.
+    glass_gain: Spectrum,
 }
 
 /// Gain of a lobe by multiple scattering when the facets reflect `avg` on the mean (Kulla and Conty 2017, with the
@@ -97,10 +98,12 @@ impl<'a> Layers<'a> {
             dielectric: (Spectrum::ONE, Spectrum::ZERO),
             under_dielectric: 1.0,
             e: 1.0,
-            glass_e: 1.0,
+            glass_gain: Spectrum::ONE,
         };
         if solid && !b.is_straight() {
-            l.glass_e = glass_albedo(view.z, roughness, if inside { 1.0 / eta } else { eta }).max(0.1);
+            let [e, e_avg, f_avg] = glass_albedo(view.z, roughness, if inside { 1.0 / eta } else { eta });
+            // Each further facet reflects without color or transmits with the tint.
+            l.glass_gain = multiple_scattering(e.max(0.1), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
         }
         if inside {
             return Some(l);
@@ -300,7 +303,7 @@ impl<'a> Layers<'a> {
         let cos = self.view.dot(m).min(1.0);
         let dg = self.base_dg(light, m);
         if rough_glass {
-            value += self.dielectric_fresnel(cos, self.glass_eta(1)) * (glass * self.below * dg / self.glass_e);
+            value += self.dielectric_fresnel(cos, self.glass_eta(1)) * self.glass_gain * (glass * self.below * dg);
         }
         if self.inside {
             return value;
@@ -345,13 +348,13 @@ impl<'a> Layers<'a> {
 
     /// Refraction into `light` below (Walter et al. 2007, equation 21), radiance scaled by the squared ratio of indices.
     fn glass_through(&self, light: Vec3) -> Spectrum {
-        let tint = self.glass_tint();
+        let tint = self.glass_tint() * self.glass_gain;
         let mut value = [0.0; 3];
         for k in self.channels() {
             let eta = self.glass_eta(k);
             let Some((m, o, i)) = self.refracting_facet(light, eta) else { continue };
             let g = self.mf.g1_distant(self.view) * masking_ratio(&self.mf, self.view, light);
-            let v = self.mf.d(m) * g * (o * i).abs() / (self.view.z * sqr(o + eta * i) * self.glass_e);
+            let v = self.mf.d(m) * g * (o * i).abs() / (self.view.z * sqr(o + eta * i));
             let t = (Spectrum::ONE - self.dielectric_fresnel(o.min(1.0), eta)) * tint * v;
             if self.b.dispersion > 0.0 { value[k] = t[k] } else { value = t.rgb() }
         }
