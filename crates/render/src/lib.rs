@@ -8,3 +8,5 @@ pub mod bsdf;
 pub mod math;
 pub mod shape;
 pub mod spectrum;
+#[doc(hidden)]
+pub mod testing;

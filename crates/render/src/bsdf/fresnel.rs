@@ -38,6 +38,18 @@ pub fn refract(w: Vec3, m: Vec3, cos_t: f32, eta_ti: f32) -> Vec3 {
     m * (w.dot(m) * eta_ti + cos_t) - w * eta_ti
 }
 
+/// The direction of `w` mirrored about the unit normal `m`; both point away from the surface.
+#[inline]
+pub fn reflect(w: Vec3, m: Vec3) -> Vec3 {
+    m * (2.0 * w.dot(m)) - w
+}
+
+/// The direction of `w` mirrored about +z.
+#[inline]
+pub fn reflect_z(w: Vec3) -> Vec3 {
+    Vec3::new(-w.x, -w.y, w.z)
+}
+
 /// Reflectance of a conductor with the complex refractive index `eta + i k`, relative to the outside, lane by lane
 /// (Born and Wolf 1999, section 14.2, with the real and imaginary part of the refracted cosine eliminated).
 ///

@@ -106,12 +106,6 @@ impl Default for Pbr {
     }
 }
 
-/// `w` mirrored at the facet with normal `m`.
-#[inline]
-fn reflect(w: Vec3, m: Vec3) -> Vec3 {
-    m * (2.0 * w.dot(m)) - w
-}
-
 #[inline]
 fn mirror_z(v: Vec3) -> Vec3 {
     Vec3::new(v.x, v.y, -v.z)

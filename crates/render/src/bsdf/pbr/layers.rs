@@ -2,7 +2,7 @@
 
 use super::sheen::Sheen;
 use super::tables::{glass_albedo, tables};
-use super::{MIN_ALPHA, Pbr, iridescence, masking_ratio, mirror_z, reflect};
+use super::{MIN_ALPHA, Pbr, iridescence, masking_ratio, mirror_z};
 use crate::bsdf::microfacet::{Distribution, Microfacet};
 use crate::bsdf::{Lobe, fresnel};
 use crate::math::fns::{lerp, sqr};
@@ -103,7 +103,7 @@ impl<'a> Layers<'a> {
         if solid && !b.is_straight() {
             let [e, e_avg, f_avg] = glass_albedo(view.z, roughness, if inside { 1.0 / eta } else { eta });
             // Each further facet reflects without color or transmits with the tint.
-            l.glass_gain = multiple_scattering(e.max(0.1), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
+            l.glass_gain = multiple_scattering(e.max(0.05), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
         }
         if inside {
             return Some(l);
@@ -423,13 +423,13 @@ impl<'a> Layers<'a> {
     }
 
     pub(super) fn sample_specular(&self, u: Vec2) -> Option<Vec3> {
-        let wi = reflect(self.view, self.mf.sample_visible_normal(self.view, u)).normalize();
+        let wi = fresnel::reflect(self.view, self.mf.sample_visible_normal(self.view, u)).normalize();
         (wi.z > 0.0).then_some(wi)
     }
 
     pub(super) fn sample_coat(&self, u: Vec2) -> Option<Vec3> {
         let c = self.coat.as_ref()?;
-        let wi = reflect(c.view, c.mf.sample_visible_normal(c.view, u)).normalize();
+        let wi = fresnel::reflect(c.view, c.mf.sample_visible_normal(c.view, u)).normalize();
         let wi_base = c.frame.world_from_local(wi);
         (wi.z > 0.0 && wi_base.z > 0.0).then_some(wi_base)
     }
@@ -451,7 +451,7 @@ impl<'a> Layers<'a> {
         let eta = self.glass_eta(channel);
         let turn = |v: Vec3| if self.inside { -v } else { v };
         if u_lobe < self.reflect_probability(cos, eta) {
-            let wi = reflect(self.view, m).normalize();
+            let wi = fresnel::reflect(self.view, m).normalize();
             return (wi.z > 0.0).then_some((turn(wi), Lobe::GLOSSY.union(Lobe::REFLECTION), 1.0));
         }
         let (f, cos_t, _, eta_ti) = fresnel::dielectric(cos, eta);
