@@ -1,4 +1,5 @@
 //! The standard scattering models against values of Mitsuba 3 (data/bsdf_mitsuba.py).
+#![allow(clippy::unwrap_used, clippy::panic)]
 
 use etendue_render::bsdf::microfacet::{Distribution, Microfacet};
 use etendue_render::bsdf::*;
@@ -65,7 +66,8 @@ fn values_and_densities_agree_with_mitsuba() {
             _ => 1e-3,
         };
         let mut compare = |what: &str, row: &Value, ours: f32, theirs: f32| {
-            if !((ours - theirs).abs() <= tolerance * theirs.abs().max(1e-4)) {
+            let close = (ours - theirs).abs() <= tolerance * theirs.abs().max(1e-4);
+            if !close {
                 let relative = ours / theirs - 1.0;
                 faults.push(format!(
                     "{name} {}: {what} {ours} not {theirs} ({relative:.1e}), wo {} wi {}",

@@ -18,9 +18,13 @@ pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
 pub mod fresnel;
+pub mod ior;
+mod ior_data;
 pub mod microfacet;
 pub mod null;
+pub mod pbr;
 pub mod plastic;
+pub mod principled;
 pub mod rough_conductor;
 pub mod rough_dielectric;
 pub mod rough_diffuse;
@@ -33,7 +37,9 @@ pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
 pub use null::Null;
+pub use pbr::Pbr;
 pub use plastic::Plastic;
+pub use principled::Principled;
 pub use rough_conductor::RoughConductor;
 pub use rough_dielectric::RoughDielectric;
 pub use rough_diffuse::RoughDiffuse;
@@ -164,4 +170,8 @@ bsdfs! {
     Coated,
     /// No surface at all.
     Null,
+    /// Disney's principled model, with the parameters of Mitsuba.
+    Principled,
+    /// The glTF metallic-roughness material with its extensions.
+    Pbr,
 }
