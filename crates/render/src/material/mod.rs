@@ -4,6 +4,7 @@
 //! its own shading frame. Blends, masks, sides, bump and normal maps are resolved here, so that the models know nothing of them.
 
 mod frames;
+mod pbr;
 mod scatter;
 mod shade;
 

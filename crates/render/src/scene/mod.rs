@@ -1,13 +1,17 @@
 //! The compiled scene: flat arrays that no one changes after [`compile`].
 
+mod compile;
 pub mod geometry;
+mod names;
 pub mod surface;
 
+pub use compile::compile;
+pub use names::Names;
 pub use surface::Surface;
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
-use crate::accel::{Accel, Ray};
+use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
 use crate::light::{Light, LightSampler};
 use crate::material::Material;
@@ -79,6 +83,13 @@ impl Scene {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
         self.accel.intersect(ray).map(|hit| self.surface(ray, &hit))
+    }
+
+    /// The material of what a ray hit.
+    #[inline]
+    pub fn hit_material(&self, hit: &Hit) -> &Material {
+        let g = &self.geometries[self.placements[hit.instance as usize].geometry as usize];
+        &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
     }
 
     /// Radiance that a surface emits along `wo` (world space), without the light that falls on it.

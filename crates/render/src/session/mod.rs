@@ -4,6 +4,7 @@
 //! not depend on how the work was split: each sample is a function of (seed, pixel, index) and film sums are exact.
 
 mod channels;
+pub mod job;
 
 pub use channels::{Aov, film_channels};
 
