@@ -94,7 +94,7 @@ pub fn schlick_weight(cos_i: f32) -> f32 {
 /// the cosine-weighted hemisphere. `eta` is the index of the far side over that of the light's side.
 ///
 /// The closed form for eta > 1 is by Walsh (1926; in Duntley 1942, "The Optical Properties of Diffusing Materials",
-/// equation 39, doi:10.1364/JOSA.32.000061); from below, the light that does not enter by total reflection is lost for the
+/// doi:10.1364/JOSA.32.000061); from below, the light that does not enter by total reflection is lost for the
 /// squared ratio of the indices (Egan and Hilgeman 1979, "Optical Properties of Inhomogeneous Materials"). Costs two
 /// logarithms in f64: call it when a material is made, not at each hit.
 pub fn diffuse_reflectance(eta: f32) -> f32 {

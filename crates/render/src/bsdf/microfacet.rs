@@ -53,9 +53,9 @@ impl Microfacet {
         let slope2 = sqr(m.x / ax) + sqr(m.y / ay);
         let z2 = m.z * m.z;
         let d = match self.distribution {
-            // Walter et al. 2007, equation 33; anisotropic form: Heitz 2014, equation 85.
+            // Walter et al. 2007, equation 33; anisotropic form: Heitz 2014, appendix A.
             Distribution::Ggx => INV_PI / (ax * ay * sqr(slope2 + z2)),
-            // Walter et al. 2007, equation 25; Heitz 2014, equation 79.
+            // Walter et al. 2007, equation 25; Heitz 2014, appendix A.
             Distribution::Beckmann => fns::exp(-slope2 / z2) * INV_PI / (ax * ay * z2 * z2),
         };
         // At grazing normals the tail underflows into noise.
@@ -117,7 +117,7 @@ impl Microfacet {
         if len2 > 0.0 { m / len2.sqrt() } else { Vec3::Z }
     }
 
-    /// The density of [`Self::sample_visible_normal`] per solid angle of `m` (Heitz and d'Eon 2014, equation 2).
+    /// The density of [`Self::sample_visible_normal`] per solid angle of `m` (Heitz and d'Eon 2014).
     #[inline]
     pub fn pdf_visible(&self, wo: Vec3, m: Vec3) -> f32 {
         let cos = wo.dot(m);
@@ -189,7 +189,7 @@ fn visible_beckmann_slope(v: Vec3, u: Vec2) -> Vec2 {
 }
 
 /// The inverse of the error function for arguments in (−1, 1), relative error below 1e-6 (Giles 2012, "Approximating the
-/// erfinv Function", GPU Computing Gems Jade Edition, chapter 10, table 10.5).
+/// erfinv Function", GPU Computing Gems Jade Edition, chapter 10).
 #[inline]
 pub fn erf_inv(x: f32) -> f32 {
     let w = -fns::ln((1.0 - x) * (1.0 + x));
