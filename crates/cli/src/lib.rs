@@ -22,6 +22,10 @@ struct Cli {
 enum Command {
     /// Measure the renderer's kernels.
     Bench(commands::bench::Args),
+    /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
+    Compare(commands::compare::Args),
+    /// Add up films of different samples of one picture, exactly.
+    Merge(commands::merge::Args),
 }
 
 /// Runs the command line and returns the process's exit code (docs/guide/exit-codes.md).
@@ -37,6 +41,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let result = match cli.command {
         Command::Bench(args) => commands::bench::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Merge(args) => commands::merge::run(args),
     };
     match result {
         Ok(code) => code,

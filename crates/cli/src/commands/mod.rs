@@ -1,6 +1,8 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
 pub mod bench;
+pub mod compare;
+pub mod merge;
 
 use std::io::Write;
 use std::process::ExitCode;

@@ -6,6 +6,8 @@
 pub mod atomic;
 mod encoding;
 mod exr_write;
+pub mod flip;
+pub mod metrics;
 mod read;
 mod texels;
 pub mod tonemap;
