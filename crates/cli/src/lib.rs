@@ -28,6 +28,10 @@ enum Command {
     Render(Box<commands::render::Args>),
     /// Measure the renderer's kernels.
     Bench(commands::bench::Args),
+    /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
+    Compare(commands::compare::Args),
+    /// Add up films of different samples of one picture, exactly.
+    Merge(commands::merge::Args),
 }
 
 /// Runs the command line and returns the process's exit code ([`exit`]).
@@ -44,6 +48,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Merge(args) => commands::merge::run(args),
     };
     result.unwrap_or_else(|e| {
         commands::note(&format!("etendue: error: {e:#}"));

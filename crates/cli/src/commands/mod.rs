@@ -1,6 +1,8 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
 pub mod bench;
+pub mod compare;
+pub mod merge;
 pub mod render;
 
 use std::io::Write;

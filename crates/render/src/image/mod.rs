@@ -4,6 +4,48 @@
 //! textures stay in memory.
 
 pub mod atomic;
+mod encoding;
+mod exr_write;
+pub mod flip;
+pub mod metrics;
+mod read;
+mod texels;
+pub mod tonemap;
+mod write;
+
+use std::io;
+
+pub use encoding::{ColorEncoding, linear_from_srgb, linear_from_srgb_u8, srgb_from_linear};
+pub use exr_write::{ExrAttribute, ExrOptions};
+pub use read::{ReadLimits, is_exr};
+pub use texels::{TexelData, Texels};
+pub use write::{FileFormat, WriteOptions};
+
+/// Why a picture cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ImageError {
+    /// The file system's error.
+    #[error(transparent)]
+    Io(#[from] io::Error),
+    /// A format, or a feature of one, that is not handled.
+    #[error("unsupported image: {0}")]
+    Unsupported(String),
+    /// A damaged or made-up file.
+    #[error("damaged image: {0}")]
+    Invalid(String),
+    /// More memory than the limits allow.
+    #[error("image of {width} x {height} pixels is larger than the limit")]
+    TooLarge {
+        /// Columns.
+        width: u64,
+        /// Rows.
+        height: u64,
+    },
+    /// The image lacks what is asked of it.
+    #[error("image has no {0}")]
+    Missing(String),
+}
 
 /// One named plane of an image, row by row from the top left.
 #[derive(Clone, Debug, PartialEq)]
@@ -74,3 +116,6 @@ impl Image {
         Some(gray.iter().map(|&v| [v; 3]).collect())
     }
 }
+
+#[cfg(test)]
+mod tests;
