@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use etendue_render::film::{DevelopOptions, Film};
-use etendue_render::image::{FileFormat, ToneMap, WriteOptions};
+use etendue_render::image::tonemap::{ToneMap, ToneOperator};
+use etendue_render::image::{FileFormat, WriteOptions};
 use etendue_render::session::job::{self, JobError, Plan};
 use etendue_render::session::{Aov, Cancel, Observer, Reason, Session, Status, Stop};
 use etendue_scene::SceneDesc;
@@ -165,7 +166,11 @@ fn outputs(args: &Args) -> anyhow::Result<Vec<(PathBuf, Option<FileFormat>)>> {
                 return Err(coded(exit::IO, format!("{}: there is no folder {}", path.display(), folder.display())));
             }
             let is_film = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("film"));
-            let format = if is_film { None } else { Some(FileFormat::from_path(&path).map_err(|e| coded(exit::USAGE, format!("{}: {e}", path.display())))?) };
+            let format = if is_film {
+                None
+            } else {
+                Some(FileFormat::from_path(&path).map_err(|e| coded(exit::USAGE, format!("{}: {e}", path.display())))?)
+            };
             Ok((path, format))
         })
         .collect()
@@ -173,8 +178,9 @@ fn outputs(args: &Args) -> anyhow::Result<Vec<(PathBuf, Option<FileFormat>)>> {
 
 fn tone_map(args: &Args) -> anyhow::Result<ToneMap> {
     let operator = args.tonemap.as_str();
-    let found = etendue_render::image::ToneOperator::from_name(operator);
-    let operator = found.ok_or_else(|| coded(exit::USAGE, format!("no tone mapping `{operator}`; there are standard, filmic, aces, agx")))?;
+    let found = ToneOperator::from_name(operator);
+    let operator =
+        found.ok_or_else(|| coded(exit::USAGE, format!("no tone mapping `{operator}`; there are standard, filmic, aces, agx")))?;
     Ok(ToneMap { operator, exposure: args.exposure })
 }
 
@@ -218,7 +224,14 @@ fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     session.resume(&film).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))
 }
 
-fn write(film: &Film, path: &Path, format: Option<FileFormat>, develop: &DevelopOptions, tone_map: ToneMap, denoise: bool) -> anyhow::Result<()> {
+fn write(
+    film: &Film,
+    path: &Path,
+    format: Option<FileFormat>,
+    develop: &DevelopOptions,
+    tone_map: ToneMap,
+    denoise: bool,
+) -> anyhow::Result<()> {
     if format.is_none() {
         film.save(path)?;
         return Ok(());
@@ -227,7 +240,7 @@ fn write(film: &Film, path: &Path, format: Option<FileFormat>, develop: &Develop
     if denoise {
         etendue_render::denoise::denoise(&mut image).map_err(|e| coded(exit::FAILURE, e))?;
     }
-    let options = WriteOptions { tone_map, ..WriteOptions::default() };
+    let options = WriteOptions { tone: tone_map, ..WriteOptions::default() };
     image.save(path, &options)?;
     Ok(())
 }
