@@ -1,5 +1,7 @@
 //! The principled model: values of Mitsuba 3, sampling statistics, extremes.
 
+#![allow(clippy::unwrap_used)]
+
 use etendue_render::bsdf::{Bsdf, Lobe, Principled, TransportMode};
 use etendue_render::math::Vec3;
 use etendue_render::spectrum::Spectrum;

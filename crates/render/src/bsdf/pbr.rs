@@ -140,7 +140,7 @@ impl Pbr {
 
     /// The direction in the frame that has the anisotropy along x, and turned up where the back side is like the front.
     #[inline]
-    fn to_lobe_frame(&self, v: Vec3, mirror: bool) -> Vec3 {
+    fn lobe_from_local(&self, v: Vec3, mirror: bool) -> Vec3 {
         let v = if mirror { mirror_z(v) } else { v };
         if self.anisotropy <= 0.0 || self.anisotropy_rotation == 0.0 {
             return v;
@@ -150,7 +150,7 @@ impl Pbr {
     }
 
     #[inline]
-    fn from_lobe_frame(&self, v: Vec3, mirror: bool) -> Vec3 {
+    fn local_from_lobe(&self, v: Vec3, mirror: bool) -> Vec3 {
         let v = if mirror { mirror_z(v) } else { v };
         if self.anisotropy <= 0.0 || self.anisotropy_rotation == 0.0 {
             return v;
@@ -166,7 +166,7 @@ impl Pbr {
         }
         let (view, light) = if mode == TransportMode::Radiance { (wo, wi) } else { (wi, wo) };
         let Some(l) = Layers::new(self, view) else { return Spectrum::ZERO };
-        let value = l.eval(self.to_lobe_frame(light, l.mirrored));
+        let value = l.eval(self.lobe_from_local(light, l.mirrored));
         // The layers return f |cos| of the light.
         if mode == TransportMode::Radiance { value } else { value * (wi.z / wo.z).abs() }
     }
@@ -176,7 +176,7 @@ impl Pbr {
         if wo.z == 0.0 || wi.z == 0.0 {
             return 0.0;
         }
-        Layers::new(self, wo).map_or(0.0, |l| l.pdf(&l.probabilities(), self.to_lobe_frame(wi, l.mirrored)))
+        Layers::new(self, wo).map_or(0.0, |l| l.pdf(&l.probabilities(), self.lobe_from_local(wi, l.mirrored)))
     }
 
     /// See the contract in [`crate::bsdf`].
@@ -217,11 +217,11 @@ impl Pbr {
             return None;
         }
         let pdf = l.pdf(&p, wi);
-        if !(pdf > 0.0) {
+        if pdf <= 0.0 || pdf.is_nan() {
             return None;
         }
         let radiance = l.eval(wi);
-        let wi = self.from_lobe_frame(wi, l.mirrored);
+        let wi = self.local_from_lobe(wi, l.mirrored);
         let value = if mode == TransportMode::Radiance { radiance } else { self.eval(wo, wi, mode) };
         Some(BsdfSample { wi, value, pdf, lobe, eta })
     }

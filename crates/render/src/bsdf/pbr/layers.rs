@@ -76,7 +76,7 @@ impl<'a> Layers<'a> {
             return None;
         }
         let (inside, mirrored) = (back && solid, back && !solid);
-        let view = b.to_lobe_frame(wo, mirrored);
+        let view = b.lobe_from_local(wo, mirrored);
         let view = if inside { -view } else { view };
         let alpha = sqr(b.roughness);
         // KHR_materials_anisotropy.
@@ -103,7 +103,7 @@ impl<'a> Layers<'a> {
         if solid && !b.is_straight() {
             let [e, e_avg, f_avg] = glass_albedo(view.z, roughness, if inside { 1.0 / eta } else { eta });
             // Each further facet reflects without color or transmits with the tint.
-            l.glass_gain = multiple_scattering(e.max(0.05), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
+            l.glass_gain = multiple_scattering(e.max(0.1), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
         }
         if inside {
             return Some(l);
@@ -150,7 +150,7 @@ impl<'a> Layers<'a> {
         let b = self.b;
         let alpha = sqr(b.clearcoat_roughness).max(MIN_ALPHA);
         let frame = match b.clearcoat_normal {
-            Some(n) => Frame::from_normal(b.to_lobe_frame(n, false)),
+            Some(n) => Frame::from_normal(b.lobe_from_local(n, false)),
             None => Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z },
         };
         let view = frame.local_from_world(self.view);
