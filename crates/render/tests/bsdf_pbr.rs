@@ -37,7 +37,7 @@ fn rgb(v: &Value) -> [f32; 3] {
 }
 
 #[test]
-fn albedos_are_those_of_cycles() {
+fn albedos_and_values_are_those_of_cycles() {
     let file: Value = serde_json::from_str(include_str!("data/pbr_cycles.json")).unwrap();
     for case in file["cases"].as_array().unwrap() {
         let p = &case["params"];
@@ -58,12 +58,28 @@ fn albedos_are_those_of_cycles() {
         };
         // At grazing angles each of Cycles' dielectric layers loses up to one percent, ours do not. Cycles' sheen is another model (Zeltner et al. 2022).
         let tolerance = if f("sheen", 0.0) > 0.0 { 0.03 } else { 0.014 };
+        let mut lit = case["values"].as_array().unwrap().iter();
         for (mu, want) in file["mu"].as_array().unwrap().iter().zip(case["albedo"].as_array().unwrap()) {
             let mu = mu.as_f64().unwrap() as f32;
             let got = measured_albedo(&b, at_cosine(mu), 30_000);
             let want = rgb(want);
             let worst = (0..3).map(|k| (got[k] - want[k]).abs()).fold(0.0, f32::max);
             assert!(worst < tolerance, "{p} at cosine {mu}: {:?}, Cycles {want:?}", got.rgb());
+            for wi in file["wi"].as_array().unwrap() {
+                let want = rgb(lit.next().unwrap());
+                if tolerance > 0.02 {
+                    continue;
+                }
+                let degrees = |i: usize| wi[i].as_f64().unwrap() as f32;
+                let got = b.eval(direction(fns::acos(mu).to_degrees(), 0.0), direction(degrees(0), degrees(1)), TransportMode::Radiance);
+                for (g, w) in got.rgb().into_iter().zip(want) {
+                    assert!(
+                        (g - w).abs() < (if mu < 0.2 { 0.035 } else { 0.015 }) * w + 1e-3,
+                        "{p} at cosine {mu}, light {wi}: {:?}, Cycles {want:?}",
+                        got.rgb()
+                    );
+                }
+            }
         }
     }
 }
@@ -164,7 +180,7 @@ fn everything() -> Pbr {
 }
 
 fn views(b: &Pbr) -> Vec<Vec3> {
-    let mut wo = vec![direction(5.0, 30.0), direction(55.0, 200.0), direction(78.0, 70.0)];
+    let mut wo = vec![direction(35.0, 200.0), direction(78.0, 70.0)];
     if b.transmission + b.diffuse_transmission > 0.0 {
         wo.extend([direction(150.0, 40.0), direction(110.0, 300.0)]);
     }
@@ -254,38 +270,4 @@ fn smooth_thin_walls_let_light_straight_through() {
     let s = b.sample(wo, 0.999, Vec2::splat(0.5), TransportMode::Radiance).unwrap();
     assert!(s.lobe.contains(Lobe::DELTA.union(Lobe::NULL).union(Lobe::TRANSMISSION)) && s.wi == -wo, "{s:?}");
     assert!(b.lobes().contains(s.lobe) && (s.value[0] / s.value[1] - 1.8).abs() < 1e-3);
-}
-
-#[test]
-fn timing() {
-    for (name, b) in models() {
-        let wo = direction(40.0, 30.0);
-        let wi = direction(50.0, 200.0);
-        let n = 200_000;
-        let t = std::time::Instant::now();
-        let mut x = 0.0;
-        for _ in 0..n {
-            let b = std::hint::black_box(b.clone());
-            x += b.eval(wo, wi, TransportMode::Radiance)[0];
-        }
-        let te = t.elapsed().as_nanos() / n;
-        let t = std::time::Instant::now();
-        for _ in 0..n {
-            x += std::hint::black_box(&b).pdf(wo, wi);
-        }
-        let tp = t.elapsed().as_nanos() / n;
-        let t = std::time::Instant::now();
-        for i in 0..n {
-            x += std::hint::black_box(&b)
-                .sample(
-                    wo,
-                    (i as f32 * 0.37).fract(),
-                    Vec2::new((i as f32 * 0.17).fract(), (i as f32 * 0.77).fract()),
-                    TransportMode::Radiance,
-                )
-                .map_or(0.0, |s| s.pdf);
-        }
-        let ts = t.elapsed().as_nanos() / n;
-        eprintln!("T {name}: eval {te} pdf {tp} sample {ts} {}", x > 0.0);
-    }
 }

@@ -10,8 +10,8 @@
 //! The albedos are those of the direction towards the camera, so f(a, b) ≠ f(b, a) for layered and rough materials.
 //! For [`TransportMode::Importance`] the arguments are exchanged: light and camera paths estimate the same picture.
 //!
-//! There are no delta lobes, alpha is at least 0.001, with one exception: transmission that changes no direction, which is
-//! that of smooth thin walls (roughness below 0.032) and of solids with an index within 0.001 of one.
+//! There are no delta lobes, alpha is at least 0.0001, with one exception: transmission that changes no direction, which is
+//! that of smooth thin walls (roughness below 0.01) and of solids with an index within 0.001 of one.
 //!
 //! Back side (`wo.z < 0`): thin walls and diffuse transmission look the same from both sides; solids with transmission
 //! show their interface from inside (do not turn their normals); everything else is black.
@@ -28,7 +28,7 @@ use crate::spectrum::Spectrum;
 use layers::{Layers, STRATEGIES};
 
 /// The least roughness alpha of any lobe.
-const MIN_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = Microfacet::MIN_ALPHA;
 
 /// The glTF material at a point. Factors in [0, 1] unless said otherwise; the default is glTF's, but not metallic.
 #[derive(Clone, Debug)]

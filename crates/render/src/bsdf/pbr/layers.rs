@@ -63,7 +63,8 @@ pub(super) struct Layers<'a> {
 /// interpretation of Turquin 2019, section 3.3: the whole lobe is scaled).
 fn multiple_scattering(e: f32, e_avg: f32, avg: Spectrum) -> Spectrum {
     let missing = (1.0 - e).max(0.0) / e;
-    avg.map(|f| 1.0 + missing * f * e_avg / (1.0 - f * (1.0 - e_avg)))
+    // Colors beyond one, from careless files, must not make the sum of all bounces diverge.
+    avg.clamp(0.0, 1.0).map(|f| 1.0 + missing * f * e_avg / (1.0 - f * (1.0 - e_avg)))
 }
 
 impl<'a> Layers<'a> {
@@ -117,6 +118,10 @@ impl<'a> Layers<'a> {
         if b.clearcoat > 0.0 {
             l.coat = l.coat_layer();
             l.below *= 1.0 - l.coat.as_ref().map_or(0.0, |c| c.albedo);
+        }
+        if b.metallic <= 0.0 && l.shares().1 <= 0.0 {
+            // All glass.
+            return Some(l);
         }
         let a = tables().lookup(view.z, roughness, eta);
         l.e = a.e;

@@ -11,7 +11,7 @@ use crate::bsdf::microfacet::{Distribution, Microfacet};
 use crate::math::fns::{lerp, safe_sqrt, sqr};
 use crate::math::{Vec2, Vec3};
 
-const N_ROUGH: usize = 16;
+const N_ROUGH: usize = 24;
 const N_MU: usize = 28;
 const N_ETA: usize = 16;
 /// Points of the quadrature.
@@ -19,7 +19,7 @@ const N_U: u32 = 128;
 /// The largest √((n − 1)/(n + 1)): n = 199.
 const MAX_Z: f32 = 0.995;
 /// √[`super::MIN_ALPHA`]: where the grid of the roughness begins.
-const MIN_ROUGHNESS: f32 = 0.031_622_78;
+const MIN_ROUGHNESS: f32 = 0.01;
 
 /// A row of the tables for one roughness and cosine.
 #[derive(Clone, Copy, Default)]
