@@ -143,7 +143,7 @@ fn models() -> Vec<(&'static str, Pbr)> {
         ("sheen", Pbr { sheen_color: COLOR, sheen_roughness: 0.4, ..base.clone() }),
         ("film", film),
         ("thin wall", Pbr { transmission: 0.8, roughness: 0.4, anisotropy: 0.3, anisotropy_rotation: 1.0, ..base.clone() }),
-        ("smooth thin wall", Pbr { transmission: 0.8, roughness: 0.02, ..base.clone() }),
+        ("smooth thin wall", Pbr { transmission: 0.8, roughness: 0.005, ..base.clone() }),
         ("leaf", Pbr { diffuse_transmission: 0.6, diffuse_transmission_color: COLOR, ..base.clone() }),
         ("glass", solid.clone()),
         ("wax", Pbr { transmission: 0.5, diffuse_transmission: 0.5, ..solid.clone() }),
