@@ -22,7 +22,7 @@ mod sheen;
 mod tables;
 
 use super::microfacet::Microfacet;
-use super::{BsdfSample, Lobe, TransportMode, fresnel};
+use super::{BsdfSample, Lobe, TransportMode};
 use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3, fns, warp};
 use crate::spectrum::Spectrum;
 use layers::{Layers, STRATEGIES};
@@ -251,12 +251,5 @@ impl Pbr {
             return Spectrum::ZERO;
         }
         Layers::new(self, wo).map_or(Spectrum::ZERO, |l| l.albedos().into_iter().fold(Spectrum::ZERO, |a, b| a + b).clamp(0.0, 1.0))
-    }
-
-    /// Reflectance of the dielectric at normal incidence and grazing.
-    #[inline]
-    fn dielectric_f0_f90(&self) -> (Spectrum, f32) {
-        let f0 = fresnel::f0_from_eta(self.eta());
-        (self.specular_color.map(|c| (c * f0).min(1.0)) * self.specular, self.specular)
     }
 }

@@ -48,6 +48,11 @@ pub(super) struct Layers<'a> {
     /// Share of light that reaches the base.
     below: f32,
     mf: Microfacet,
+    /// Refractive index of the dielectric, its reflectance at normal incidence without and with color, and at grazing.
+    eta: f32,
+    r0: f32,
+    f0: Spectrum,
+    f90: f32,
     /// Metal and dielectric reflection: gain by multiple scattering and albedo with it.
     metal: (Spectrum, Spectrum),
     dielectric: (Spectrum, Spectrum),
@@ -61,6 +66,7 @@ pub(super) struct Layers<'a> {
 
 /// Gain of a lobe by multiple scattering when the facets reflect `avg` on the mean (Kulla and Conty 2017, with the
 /// interpretation of Turquin 2019, section 3.3: the whole lobe is scaled).
+#[inline]
 fn multiple_scattering(e: f32, e_avg: f32, avg: Spectrum) -> Spectrum {
     let missing = (1.0 - e).max(0.0) / e;
     // Colors beyond one, from careless files, must not make the sum of all bounces diverge.
@@ -69,6 +75,7 @@ fn multiple_scattering(e: f32, e_avg: f32, avg: Spectrum) -> Spectrum {
 
 impl<'a> Layers<'a> {
     /// `None` where the material is black from this side.
+    #[inline]
     pub(super) fn new(b: &'a Pbr, wo: Vec3) -> Option<Self> {
         let back = wo.z < 0.0;
         let solid = b.is_solid();
@@ -83,8 +90,9 @@ impl<'a> Layers<'a> {
         // KHR_materials_anisotropy.
         let alpha_t = lerp(sqr(b.anisotropy), alpha, 1.0);
         let mf = Microfacet::new(Distribution::Ggx, alpha_t.max(MIN_ALPHA), alpha.max(MIN_ALPHA));
-        let roughness = (mf.alpha_x * mf.alpha_y).sqrt().sqrt();
+        let roughness = if b.anisotropy > 0.0 { (mf.alpha_x * mf.alpha_y).sqrt().sqrt() } else { b.roughness };
         let eta = b.eta();
+        let r0 = fresnel::f0_from_eta(eta);
         let mut l = Self {
             b,
             view,
@@ -95,6 +103,10 @@ impl<'a> Layers<'a> {
             coat: None,
             below: 1.0,
             mf,
+            eta,
+            r0,
+            f0: b.specular_color.map(|c| (c * r0).min(1.0)) * b.specular,
+            f90: b.specular,
             metal: (Spectrum::ONE, Spectrum::ZERO),
             dielectric: (Spectrum::ONE, Spectrum::ZERO),
             under_dielectric: 1.0,
@@ -142,9 +154,9 @@ impl<'a> Layers<'a> {
             l.metal = (gain, film(f0, 1.0, a.schlick, plain(a.schlick)) * gain * a.e);
         }
         if b.metallic < 1.0 {
-            let (f0, f90) = b.dielectric_f0_f90();
+            let (f0, f90) = (l.f0, l.f90);
             let plain = |s| f0 + (Spectrum::splat(f90) - f0) * s;
-            let gain = multiple_scattering(a.e, a.e_avg, film(f0, f90, 1.0 / 21.0, plain(tables().dielectric_average(eta))));
+            let gain = multiple_scattering(a.e, a.e_avg, film(f0, f90, 1.0 / 21.0, plain(a.dielectric_avg)));
             l.dielectric = (gain, film(f0, f90, a.schlick, plain(a.dielectric)) * gain * a.e);
             l.under_dielectric = (1.0 - l.dielectric.1.max_component()).max(0.0);
         }
@@ -169,18 +181,19 @@ impl<'a> Layers<'a> {
     }
 
     /// Reflectance of the facets of the dielectric at the cosine `cos`, `eta` being the index of the far side.
+    #[inline]
     fn dielectric_fresnel(&self, cos: f32, eta: f32) -> Spectrum {
-        let (f0, f90) = self.b.dielectric_f0_f90();
+        let (f0, f90) = (self.f0, self.f90);
         let f = fresnel::dielectric(cos, eta).0;
         if f >= 1.0 {
             return Spectrum::ONE;
         }
-        // The real curve between the two, F0 being the same from both sides.
-        let r0 = fresnel::f0_from_eta(eta);
-        let s = ((f - r0) / (1.0 - r0)).clamp(0.0, 1.0);
+        // The real curve between the two, F0 being the same from both sides and, nearly, for all colors.
+        let s = ((f - self.r0) / (1.0 - self.r0)).clamp(0.0, 1.0);
         self.with_film(f0 + (Spectrum::splat(f90) - f0) * s, cos, f0, f90)
     }
 
+    #[inline]
     fn with_film(&self, f: Spectrum, cos: f32, f0: Spectrum, f90: f32) -> Spectrum {
         let b = self.b;
         if b.iridescence <= 0.0 {
@@ -233,7 +246,7 @@ impl<'a> Layers<'a> {
 
     /// Index of the far side over that of the view's for a color channel (KHR_materials_dispersion: n_F − n_C = (n − 1) / V).
     fn glass_eta(&self, channel: usize) -> f32 {
-        let n = self.b.eta();
+        let n = self.eta;
         let n = (n + (channel as f32 - 1.0) * 0.025 * self.b.dispersion * (n - 1.0)).max(1.001);
         if self.inside { 1.0 / n } else { n }
     }
@@ -276,11 +289,13 @@ impl<'a> Layers<'a> {
         if sum > 0.0 && sum.is_finite() { w.map(|w| w / sum) } else { [0.0; STRATEGIES] }
     }
 
+    #[inline]
     fn half(&self, light: Vec3) -> Vec3 {
         (self.view + light).normalize()
     }
 
     /// D G2 / (4 cos θo) of the base for reflection, `m` being the half vector.
+    #[inline]
     fn base_dg(&self, light: Vec3, m: Vec3) -> f32 {
         self.mf.d(m) * self.mf.g1_distant(self.view) * masking_ratio(&self.mf, self.view, light) / (4.0 * self.view.z)
     }
@@ -320,7 +335,7 @@ impl<'a> Layers<'a> {
             specular += f * self.metal.0 * self.b.metallic;
         }
         if opaque > 0.0 {
-            specular += self.dielectric_fresnel(cos, self.b.eta()) * self.dielectric.0 * opaque;
+            specular += self.dielectric_fresnel(cos, self.eta) * self.dielectric.0 * opaque;
         }
         value += specular * (dg * self.below);
         if let Some(c) = &self.coat {
@@ -414,6 +429,7 @@ impl<'a> Layers<'a> {
         pdf
     }
 
+    #[inline]
     fn reflection_pdf(&self, light: Vec3) -> f32 {
         let m = self.half(light);
         self.mf.pdf_visible(self.view, m) / (4.0 * self.view.dot(m)).max(1e-12)

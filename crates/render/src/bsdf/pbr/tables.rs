@@ -51,6 +51,8 @@ pub(super) struct Albedo {
     pub schlick: f32,
     /// Share of `e` with the weight of the dielectric's Fresnel curve.
     pub dielectric: f32,
+    /// Mean of the dielectric's weight over the cosine-weighted hemisphere.
+    pub dielectric_avg: f32,
 }
 
 static TABLES: LazyLock<Tables> = LazyLock::new(Tables::new);
@@ -90,6 +92,7 @@ fn quadrature(mu: f32, roughness: f32, mut f: impl FnMut(&Microfacet, Vec3, Vec3
 }
 
 /// Index and fraction on a grid of `n` points over [0, 1].
+#[inline]
 fn cell(x: f32, n: usize) -> (usize, f32) {
     let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
     let i = (x as usize).min(n - 2);
@@ -134,10 +137,17 @@ impl Tables {
     }
 
     /// Albedos of GGX with the perceived roughness √alpha and the refractive index `eta` ≥ 1 seen under the cosine `mu`.
+    #[inline]
     pub(super) fn lookup(&self, mu: f32, roughness: f32, eta: f32) -> Albedo {
         let ((r, fr), (m, fm), (k, fk)) =
             (cell((roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGH), cell(safe_sqrt(mu), N_MU), cell(z_of(eta) / MAX_Z, N_ETA));
-        let mut a = Albedo { e: 0.0, e_avg: lerp(fr, self.e_avg[r], self.e_avg[r + 1]), schlick: 0.0, dielectric: 0.0 };
+        let mut a = Albedo {
+            e: 0.0,
+            e_avg: lerp(fr, self.e_avg[r], self.e_avg[r + 1]),
+            schlick: 0.0,
+            dielectric: 0.0,
+            dielectric_avg: lerp(fk, self.dielectric_avg[k], self.dielectric_avg[k + 1]),
+        };
         for (row, w) in [(0, (1.0 - fr) * (1.0 - fm)), (1, (1.0 - fr) * fm), (N_MU, fr * (1.0 - fm)), (N_MU + 1, fr * fm)] {
             let row = &self.rows[r * N_MU + m + row];
             a.e += w * row.e;
@@ -145,12 +155,6 @@ impl Tables {
             a.dielectric += w * lerp(fk, row.dielectric[k], row.dielectric[k + 1]);
         }
         a
-    }
-
-    /// Mean over the cosine-weighted hemisphere of (F − F0) / (1 − F0).
-    pub(super) fn dielectric_average(&self, eta: f32) -> f32 {
-        let (k, f) = cell(z_of(eta) / MAX_Z, N_ETA);
-        lerp(f, self.dielectric_avg[k], self.dielectric_avg[k + 1])
     }
 }
 
