@@ -135,7 +135,7 @@ fn transmitted_radiance_scales_with_the_squared_index() {
             let (up, down) = (direction(30.0, 10.0), direction(160.0, 200.0));
             let through = b.eval(up, down, TransportMode::Radiance).0[0] / down.z.abs();
             let back = b.eval(down, up, TransportMode::Radiance).0[0] / up.z.abs();
-            // Radiance over the squared index is what is conserved: f(up, down) η² = f(down, up) (Veach 1997, equation 5.14).
+            // Radiance over the squared index is what is conserved: f(up, down) η² = f(down, up) (Veach 1997, section 5.2).
             assert!(through > 0.0 && (through * eta * eta / back - 1.0).abs() < 1e-3, "{d:?} {eta} {through} {back}");
         }
     }

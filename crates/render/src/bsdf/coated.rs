@@ -64,7 +64,7 @@ pub enum Coat {
 
 /// A dielectric layer over a reflecting base: light is refracted into the layer, weakened on its way through it, scattered by
 /// the base and refracted out (Weidlich and Wilkie 2007, "Arbitrarily Layered Micro-facet Surfaces",
-/// doi:10.1145/1321261.1321292, sections 3 and 4, with the change of solid angle added). Light that the layer sends back to
+/// doi:10.1145/1321261.1321292, with the change of solid angle added). Light that the layer sends back to
 /// the base is lost, so a coated white base is not white.
 #[derive(Clone, Debug)]
 pub struct Coated {

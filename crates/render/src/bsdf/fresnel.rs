@@ -7,7 +7,7 @@ use crate::spectrum::Spectrum;
 /// Reflectance of the interface between two dielectrics by Fresnel's equations.
 ///
 /// `cos_i` is the signed cosine of the incident direction with the normal, `eta` the refractive index inside (below the
-/// surface) over that outside. Returns `(r, cos_t, eta_it, eta_ti)`:
+/// surface) over that outside, positive and finite. Returns `(r, cos_t, eta_it, eta_ti)`:
 ///
 /// - the reflectance, 1 where total internal reflection happens;
 /// - the cosine of the refracted direction, with the sign opposite to `cos_i`, 0 at total internal reflection;
@@ -62,6 +62,8 @@ pub fn conductor(cos_i: f32, eta: Spectrum, k: Spectrum) -> Spectrum {
     // The lanes that are not in use may hold zeros: no quotient may become 0 / 0.
     let ratio = |n: f32, d: f32| if d > 0.0 { n / d } else { 1.0 };
     eta.zip(k, |eta, k| {
+        // Their fourth powers must stay finite; at this index everything is reflected but 1 in 2500.
+        let (eta, k) = (eta.min(1e4), k.min(1e4));
         let t0 = eta * eta - k * k - s2;
         let ab = (t0 * t0 + 4.0 * sqr(eta * k)).sqrt();
         let a = safe_sqrt(0.5 * (ab + t0));
@@ -92,7 +94,7 @@ pub fn schlick_weight(cos_i: f32) -> f32 {
 /// the cosine-weighted hemisphere. `eta` is the index of the far side over that of the light's side.
 ///
 /// The closed form for eta > 1 is by Walsh (1926; in Duntley 1942, "The Optical Properties of Diffusing Materials",
-/// equation 39, doi:10.1364/JOSA.32.000061); from below, the light that does not enter by total reflection is lost for the
+/// doi:10.1364/JOSA.32.000061); from below, the light that does not enter by total reflection is lost for the
 /// squared ratio of the indices (Egan and Hilgeman 1979, "Optical Properties of Inhomogeneous Materials"). Costs two
 /// logarithms in f64: call it when a material is made, not at each hit.
 pub fn diffuse_reflectance(eta: f32) -> f32 {
@@ -158,6 +160,7 @@ mod tests {
         let zero = conductor(1.0, Spectrum::ZERO, Spectrum::ZERO);
         assert_eq!(zero, Spectrum::ONE);
         assert!(conductor(0.0, Spectrum::ONE, Spectrum::ZERO).is_finite());
+        assert!(conductor(0.5, Spectrum::splat(1e30), Spectrum::splat(1e30)).is_finite());
     }
 
     #[test]

@@ -53,9 +53,9 @@ impl Microfacet {
         let slope2 = sqr(m.x / ax) + sqr(m.y / ay);
         let z2 = m.z * m.z;
         let d = match self.distribution {
-            // Walter et al. 2007, equation 33; anisotropic form: Heitz 2014, equation 85.
+            // Walter et al. 2007, equation 33; anisotropic form: Heitz 2014, appendix A.
             Distribution::Ggx => INV_PI / (ax * ay * sqr(slope2 + z2)),
-            // Walter et al. 2007, equation 25; Heitz 2014, equation 79.
+            // Walter et al. 2007, equation 25; Heitz 2014, appendix A.
             Distribution::Beckmann => fns::exp(-slope2 / z2) * INV_PI / (ax * ay * z2 * z2),
         };
         // At grazing normals the tail underflows into noise.
@@ -117,7 +117,7 @@ impl Microfacet {
         if len2 > 0.0 { m / len2.sqrt() } else { Vec3::Z }
     }
 
-    /// The density of [`Self::sample_visible_normal`] per solid angle of `m` (Heitz and d'Eon 2014, equation 2).
+    /// The density of [`Self::sample_visible_normal`] per solid angle of `m` (Heitz and d'Eon 2014).
     #[inline]
     pub fn pdf_visible(&self, wo: Vec3, m: Vec3) -> f32 {
         let cos = wo.dot(m);
@@ -139,10 +139,11 @@ fn visible_hemisphere_normal(v: Vec3, u: Vec2) -> Vec3 {
 
 /// A slope (x, y) of the normal (x, y, 1) of the Beckmann distribution with alpha = 1 by the area visible from `v`
 /// (Heitz and d'Eon 2014, "Importance Sampling Microfacet-Based BSDFs using the Distribution of Visible Normals",
-/// doi:10.1111/cgf.12417; iterated in the error function's value as in Jakob 2014, "An Improved Visible Normal Sampling
+/// doi:10.1111/cgf.12417; iterated over the error function's value as in Jakob 2014, "An Improved Visible Normal Sampling
 /// Routine for the Beckmann Distribution").
 #[inline]
 fn visible_beckmann_slope(v: Vec3, u: Vec2) -> Vec2 {
+    const QUARTER_SQRT_PI: f32 = 0.443_113_46;
     let sin = (v.x * v.x + v.y * v.y).sqrt();
     if sin < 1e-4 {
         // Seen from above all facets count by their projected area.
@@ -157,16 +158,16 @@ fn visible_beckmann_slope(v: Vec3, u: Vec2) -> Vec2 {
     let half_inv_sqrt_pi = 0.5 / PI.sqrt();
     let b_min = -libm::erff(cot);
     let tail = fns::exp(-cot * cot);
-    let cdf = |b: f32, x: f32| 0.5 * cos * (b - b_min) + half_inv_sqrt_pi * sin * (tail - fns::exp(-x * x));
     let norm = 0.5 * cos * (1.0 - b_min) + half_inv_sqrt_pi * sin * tail;
     let target = u.x.max(1e-6) * norm;
     let (mut lo, mut hi) = (b_min, ONE_MINUS_EPSILON);
-    // Start: the median of the unweighted slopes, moved to the right half as the view becomes grazing.
+    // Start: the quantile of the unweighted slopes, moved to the right as the view becomes grazing.
     let mut b = b_min + (hi - b_min) * (u.x + (1.0 - u.x) * 0.3 * sin * sin);
     let mut x = erf_inv(b);
-    for _ in 0..12 {
-        let f = cdf(b, x) - target;
-        if f.abs() < 1e-6 * norm {
+    for _ in 0..10 {
+        let gauss = fns::exp(-x * x);
+        let f = 0.5 * cos * (b - b_min) + half_inv_sqrt_pi * sin * (tail - gauss) - target;
+        if f.abs() < 1e-5 * norm {
             break;
         }
         if f > 0.0 {
@@ -174,9 +175,12 @@ fn visible_beckmann_slope(v: Vec3, u: Vec2) -> Vec2 {
         } else {
             lo = b
         }
-        let newton = b - f / (0.5 * (cos + x * sin));
-        // Newton's step, or halves where it leaves the bracket.
-        b = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
+        // Halley's step: the second derivative over the first is sin √π exp(x²) / (2 (cos + x sin)).
+        let slope = cos + x * sin;
+        let newton = 2.0 * f / slope;
+        let next = b - newton / (1.0 - newton * sin * QUARTER_SQRT_PI / (gauss * slope)).max(0.5);
+        // Halves where the step leaves the bracket.
+        b = if next > lo && next < hi { next } else { 0.5 * (lo + hi) };
         x = erf_inv(b);
     }
     let y = erf_inv((2.0 * u.y - 1.0).clamp(-ONE_MINUS_EPSILON, ONE_MINUS_EPSILON));
@@ -185,11 +189,18 @@ fn visible_beckmann_slope(v: Vec3, u: Vec2) -> Vec2 {
 }
 
 /// The inverse of the error function for arguments in (−1, 1), relative error below 1e-6 (Giles 2012, "Approximating the
-/// erfinv Function", GPU Computing Gems Jade Edition, chapter 10, table 10.5).
+/// erfinv Function", GPU Computing Gems Jade Edition, chapter 10).
 #[inline]
 pub fn erf_inv(x: f32) -> f32 {
     let w = -fns::ln((1.0 - x) * (1.0 + x));
-    let poly = |t: f32, c: [f32; 9]| c.into_iter().fold(0.0, |p, c| p * t + c);
+    // Estrin's scheme: Horner's waits for each product in turn.
+    let poly = |t: f32, [c8, c7, c6, c5, c4, c3, c2, c1, c0]: [f32; 9]| {
+        let t2 = t * t;
+        let t4 = t2 * t2;
+        let low = (c0 + c1 * t) + (c2 + c3 * t) * t2;
+        let high = (c4 + c5 * t) + (c6 + c7 * t) * t2;
+        low + (high + c8 * t4) * t4
+    };
     let p = if w < 5.0 {
         poly(
             w - 2.5,

@@ -6,7 +6,7 @@ use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
 use crate::spectrum::Spectrum;
 
 /// Diffuse reflection of V-shaped grooves with Gaussian slopes, with one interreflection (Oren and Nayar 1994,
-/// "Generalization of Lambert's Reflectance Model", doi:10.1145/192161.192213, equations 27 to 30).
+/// "Generalization of Lambert's Reflectance Model", doi:10.1145/192161.192213, the full model with interreflection).
 ///
 /// Flatter than Lambert's towards the edges of a sphere, and brighter where one looks along the light. For clay, plaster
 /// and the moon; it has no highlight at grazing angles.

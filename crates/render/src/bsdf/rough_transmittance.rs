@@ -6,7 +6,6 @@ use crate::math::fns::safe_sqrt;
 use crate::math::{PI, Vec2, Vec3};
 
 const RES: usize = 64;
-const NODES: usize = 32;
 
 /// Transmittance of a rough dielectric interface from outside, and its diffuse reflectance from inside.
 ///
@@ -24,7 +23,7 @@ impl RoughTransmittance {
     /// material, not at each hit.
     pub fn new(distribution: Distribution, alpha: f32, eta: f32) -> Self {
         let microfacet = Microfacet::isotropic(distribution, alpha);
-        let nodes = gauss_legendre();
+        let nodes = (gauss_legendre(), gauss_legendre());
         let mut table = [0; RES];
         for (t, mu) in table.iter_mut().zip(cosines()) {
             *t = (directional(&microfacet, mu, eta, true, &nodes).clamp(0.0, 1.0) * f32::from(u16::MAX)).round() as u16;
@@ -50,14 +49,17 @@ fn cosines() -> impl Iterator<Item = f32> {
     (0..RES).map(|i| (i as f32 / (RES - 1) as f32).max(1e-6))
 }
 
+// Over the sample space's first axis, and over half of the second one: the other half mirrors it about the plane of incidence.
+type Nodes = ([(f32, f32); 32], [(f32, f32); 16]);
+
 // The share of light from a direction with cosine `mu` that goes through (`transmit`) or comes back, by quadrature over
 // the sample space of visible normals.
-fn directional(microfacet: &Microfacet, mu: f32, eta: f32, transmit: bool, nodes: &[(f32, f32); NODES]) -> f32 {
+fn directional(microfacet: &Microfacet, mu: f32, eta: f32, transmit: bool, nodes: &Nodes) -> f32 {
     let wo = Vec3::new(safe_sqrt(1.0 - mu * mu), 0.0, mu);
     let mut sum = 0.0;
-    for &(u, wu) in nodes {
-        for &(v, wv) in nodes {
-            let m = microfacet.sample_visible_normal(wo, Vec2::new(u, v));
+    for &(u, wu) in &nodes.0 {
+        for &(v, wv) in &nodes.1 {
+            let m = microfacet.sample_visible_normal(wo, Vec2::new(u, 0.5 * v));
             let (r, cos_t, _, eta_ti) = fresnel::dielectric(wo.dot(m).max(0.0), eta);
             let (wi, share) = if transmit { (fresnel::refract(wo, m, cos_t, eta_ti), 1.0 - r) } else { (fresnel::reflect(wo, m), r) };
             if share > 0.0 && (wi.z < 0.0) == transmit {
@@ -70,14 +72,14 @@ fn directional(microfacet: &Microfacet, mu: f32, eta: f32, transmit: bool, nodes
 
 // Nodes and weights of Gauss-Legendre quadrature on [0, 1] (Newton's method on Legendre's recurrence; Press et al. 2007,
 // "Numerical Recipes", section 4.6).
-fn gauss_legendre() -> [(f32, f32); NODES] {
-    let n = NODES as f64;
+fn gauss_legendre<const N: usize>() -> [(f32, f32); N] {
+    let n = N as f64;
     std::array::from_fn(|i| {
         let mut x = libm::cos(f64::from(PI) * (i as f64 + 0.75) / (n + 0.5));
         let mut derivative = 1.0;
         for _ in 0..8 {
             let (mut p0, mut p1) = (1.0, x);
-            for k in 2..=NODES {
+            for k in 2..=N {
                 let k = k as f64;
                 (p0, p1) = (p1, ((2.0 * k - 1.0) * x * p1 - (k - 1.0) * p0) / k);
             }
@@ -94,7 +96,7 @@ mod tests {
 
     #[test]
     fn quadrature_is_exact_for_polynomials() {
-        let nodes = gauss_legendre();
+        let nodes = gauss_legendre::<16>();
         for k in 0..8 {
             let sum: f32 = nodes.iter().map(|&(x, w)| w * x.powi(k)).sum();
             assert!((sum - 1.0 / (k + 1) as f32).abs() < 1e-6, "{k} {sum}");
