@@ -6,7 +6,7 @@ use crate::math::TAU;
 use crate::math::fns::{self, lerp, safe_sqrt, sqr};
 use crate::spectrum::Spectrum;
 
-/// The Fourier transform of the CIE color matching functions as sums of Gaussians (equation 10 and its supplement):
+/// The Fourier transform of the CIE color matching functions as sums of Gaussians (in their section on spectral integration):
 /// amplitude, center, variance for X, Y, Z and the second lobe of X.
 const SENSITIVITY: [[f32; 3]; 4] = [
     [5.4856e-13, 1.6810e6, 4.3278e9],
@@ -52,7 +52,7 @@ pub(super) fn reflectance(cos: f32, f0: Spectrum, film_ior: f32, thickness_nm: f
         let r23 = lerp(schlick_weight(cos_film), f0_from_eta(base / film), 1.0);
         let r123 = (r12 * r23).clamp(1e-5, 0.9999);
         let rs = t121 * t121 * r23 / (1.0 - r123);
-        // Equations 7 and 8: the constant term and two orders of interference. The film's back turns the phase by π, and so
+        // Airy summation: the constant term and two orders of interference. The film's back turns the phase by π, and so
         // does a base that is denser: the shift is a sign, except for the second order.
         let c1 = (rs - t121) * r123.sqrt();
         let sign = if base < film { 1.0 } else { -1.0 };

@@ -65,7 +65,7 @@ pub(super) struct Layers<'a> {
 }
 
 /// Gain of a lobe by multiple scattering when the facets reflect `avg` on the mean (Kulla and Conty 2017, with the
-/// interpretation of Turquin 2019, section 3.3: the whole lobe is scaled).
+/// form of Turquin 2019: the whole lobe is scaled).
 #[inline]
 fn multiple_scattering(e: f32, e_avg: f32, avg: Spectrum) -> Spectrum {
     let missing = (1.0 - e).max(0.0) / e;

@@ -43,7 +43,7 @@ static ALBEDO: LazyLock<[[f32; N_MU]; N_ROUGH]> = LazyLock::new(|| {
 pub(super) struct Sheen {
     roughness: f32,
     inv_alpha: f32,
-    /// The five numbers of the fit to the masking, equation 3.
+    /// The five numbers of the fit to the masking.
     fit: [f32; 5],
 }
 
@@ -64,13 +64,13 @@ impl Sheen {
         if cos < 0.5 { fns::exp(l(cos)) } else { fns::exp(2.0 * l(0.5) - l(1.0 - cos)) }
     }
 
-    /// D of the half vector `h`, of any length (equation 2).
+    /// D of the half vector `h`, of any length.
     fn d(&self, h: Vec3) -> f32 {
         let sin2 = (h.x * h.x + h.y * h.y) / h.length_squared();
         (2.0 + self.inv_alpha) * fns::pow(sin2, 0.5 * self.inv_alpha) * INV_TAU
     }
 
-    /// G / (4 cos θo): what multiplies D to f |cos θi| (equation 1).
+    /// G / (4 cos θo): what multiplies D to f |cos θi|.
     fn visibility(&self, cos_o: f32, cos_i: f32) -> f32 {
         1.0 / ((1.0 + self.lambda(cos_o) + self.lambda(cos_i)) * 4.0 * cos_o)
     }
