@@ -5,6 +5,7 @@
 
 pub mod accel;
 pub mod bsdf;
+pub mod light;
 pub mod math;
 pub mod shape;
 pub mod spectrum;
