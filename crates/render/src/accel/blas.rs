@@ -1,6 +1,7 @@
 //! The lower level: triangles and analytic shapes in one hierarchy.
 #![allow(unsafe_code)]
 
+use super::Ray;
 use super::bins::PrimRef;
 use super::build::{self, MAX_DEPTH};
 use super::emit::{Source, emit};
@@ -124,9 +125,9 @@ impl Blas {
 
     /// Offers all hits of a ray in this space to `best`.
     #[inline]
-    pub(super) fn closest(&self, isa: IsaKind, ray: &Prepared, best: &mut Best) {
+    pub(super) fn closest(&self, isa: IsaKind, ray: &Ray, best: &mut Best) {
         for &i in &self.unbounded {
-            if let Some(h) = self.shapes.shapes[i as usize].0.intersect(&ray.ray) {
+            if let Some(h) = self.shapes.shapes[i as usize].0.intersect(ray) {
                 best.offer(h.t, h.u, h.v, self.shapes.first + i);
             }
         }
@@ -144,8 +145,8 @@ impl Blas {
 
     /// Whether a ray in this space hits anything at `t_last` or before.
     #[inline]
-    pub(super) fn any(&self, isa: IsaKind, ray: &Prepared, t_last: f32) -> bool {
-        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(&ray.ray).is_some_and(|h| h.t <= t_last);
+    pub(super) fn any(&self, isa: IsaKind, ray: &Ray, t_last: f32) -> bool {
+        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(ray).is_some_and(|h| h.t <= t_last);
         if self.unbounded.iter().any(hit) {
             return true;
         }
@@ -162,41 +163,51 @@ impl Blas {
     }
 
     #[inline(always)]
-    unsafe fn closest_in<I: Isa>(&self, ray: &Prepared, best: &mut Best) {
+    unsafe fn closest_in<I: Isa>(&self, ray: &Ray, best: &mut Best) {
+        // Prepared here, after inlining in registers: what is written in small pieces and read in large ones stalls.
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::closest::<I>(self.arena.base(), self.root, ray, best, &self.shapes) }
+        unsafe {
+            if let Some(ray) = Prepared::new::<I>(ray) {
+                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &self.shapes);
+            }
+        }
     }
 
     #[inline(always)]
-    unsafe fn any_in<I: Isa>(&self, ray: &Prepared, t_last: f32) -> bool {
+    unsafe fn any_in<I: Isa>(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::any::<I>(self.arena.base(), self.root, ray, t_last, &self.shapes) }
+        unsafe {
+            match Prepared::new::<I>(ray) {
+                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &self.shapes),
+                None => false,
+            }
+        }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn closest_avx2(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx2(&self, ray: &Ray, best: &mut Best) {
         // SAFETY: this function is only called where the machine has the instruction set.
         unsafe { self.closest_in::<Avx2>(ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn closest_avx512(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx512(&self, ray: &Ray, best: &mut Best) {
         // SAFETY: as above.
         unsafe { self.closest_in::<Avx512>(ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn any_avx2(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx2(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: as above.
         unsafe { self.any_in::<Avx2>(ray, t_last) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn any_avx512(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx512(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: as above.
         unsafe { self.any_in::<Avx512>(ray, t_last) }
     }

@@ -77,6 +77,7 @@ pub(super) trait Isa: Copy {
     unsafe fn push(mask: u32, refs: *const u32, children: *mut u32);
 
     unsafe fn b_splat(x: f32) -> Self::B;
+    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B;
     unsafe fn b_load(p: *const f32) -> Self::B;
     unsafe fn b_store(p: *mut f32, x: Self::B);
     unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B;
@@ -173,6 +174,10 @@ impl Isa for Portable {
     #[inline(always)]
     unsafe fn b_splat(x: f32) -> Self::B {
         [x; LANES]
+    }
+    #[inline(always)]
+    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B {
+        [a, b, c, d]
     }
     #[inline(always)]
     unsafe fn b_load(p: *const f32) -> Self::B {
@@ -308,6 +313,10 @@ mod x86 {
             #[inline(always)]
             unsafe fn b_splat(x: f32) -> __m128 {
                 unsafe { _mm_set1_ps(x) }
+            }
+            #[inline(always)]
+            unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> __m128 {
+                unsafe { _mm_setr_ps(a, b, c, d) }
             }
             #[inline(always)]
             unsafe fn b_load(p: *const f32) -> __m128 {

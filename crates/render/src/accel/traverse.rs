@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::layout::{BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
-use super::ray::{FAR_SCALE, Prepared};
+use super::ray::{FAR_SCALE, Lanes4, OPPOSITE, Prepared};
 use super::simd::{Isa, LANES};
 use crate::math::{Aabb, Vec3};
 use std::mem::MaybeUninit;
@@ -129,10 +129,10 @@ unsafe fn test_node<I: Isa>(node: *const u8, r: &Lanes<I>, ray: &Prepared, limit
         );
         let far = I::min(
             I::min(
-                I::mul_add(plane(ray.far_at[0]), r.inv_far[0], r.off_far[0]),
-                I::mul_add(plane(ray.far_at[1]), r.inv_far[1], r.off_far[1]),
+                I::mul_add(plane(ray.near_at[0] ^ OPPOSITE), r.inv_far[0], r.off_far[0]),
+                I::mul_add(plane(ray.near_at[1] ^ OPPOSITE), r.inv_far[1], r.off_far[1]),
             ),
-            I::min(I::mul_add(plane(ray.far_at[2]), r.inv_far[2], r.off_far[2]), limit),
+            I::min(I::mul_add(plane(ray.near_at[2] ^ OPPOSITE), r.inv_far[2], r.off_far[2]), limit),
         );
         (near, I::le(near, far))
     }
@@ -152,7 +152,7 @@ impl<I: Isa> Lanes<I> {
     unsafe fn new(ray: &Prepared) -> Self {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let all = |a: &[f32; 3]| [I::splat(a[0]), I::splat(a[1]), I::splat(a[2])];
+            let all = |a: &Lanes4| [I::splat(a.0[0]), I::splat(a.0[1]), I::splat(a.0[2])];
             Self {
                 inv_near: all(&ray.inv_near),
                 inv_far: all(&ray.inv_far),
