@@ -49,7 +49,7 @@ const _: () = assert!(LANES == 4);
 pub(super) const FAR_SCALE: f32 = 1.0 + 32.0 * U;
 
 impl Prepared {
-    /// None for rays that hit nothing: no direction, not a number, an empty interval.
+    /// None for rays that hit nothing: no direction (below 1e-12), not a number, from beyond 1e18, an empty interval.
     ///
     /// # Safety
     /// The machine has the instruction set.
@@ -63,15 +63,17 @@ impl Prepared {
         let one = usize::from(abs[0] <= abs[1]);
         let two = usize::from(first <= abs[2]);
         let kz = (one + (2 - one) * two) & 3;
-        let sum = (o.x + o.y + o.z) + (d.x + d.y + d.z);
-        if !(largest > 1e-30 && sum.is_finite() && ray.t_min < ray.t_max) {
+        // Comparisons are written so that they fail for NaN.
+        let far = o.x.abs() <= LIMIT && o.y.abs() <= LIMIT && o.z.abs() <= LIMIT;
+        let sum = d.x + d.y + d.z;
+        if !(largest >= 1e-12 && far && sum.is_finite() && ray.t_min < ray.t_max) {
             return None;
         }
         const NEXT: [[usize; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
         let [kx, ky] = NEXT[kz];
         // Nearly axis-parallel: the quotient would overflow. A direction of 1e-20 of the largest component moves nowhere,
-        // and the allowance of 1e10 in t makes the planes inclusive.
-        let tiny = largest * 1e-20;
+        // and the allowance of 1e10 in t makes the planes inclusive. With these limits no box test meets NaN.
+        let tiny = (largest * 1e-20).max(1e-19);
         let ten = 1e10 / largest;
         let clamp = |d: f32, abs: f32| if abs < tiny { tiny.copysign(d) } else { d };
         let allow = |abs: f32| if abs < tiny { ten } else { 0.0 };

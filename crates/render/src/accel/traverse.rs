@@ -124,7 +124,6 @@ unsafe fn test_node<I: Isa>(node: *const u8, r: &Lanes<I>, ray: &Prepared, limit
                 I::mul_add(plane(ray.near_at[0]), r.inv_near[0], r.off_near[0]),
                 I::mul_add(plane(ray.near_at[1]), r.inv_near[1], r.off_near[1]),
             ),
-            // The second operand is what comes out of a comparison with NaN, and +0 for two zeros.
             I::max(I::mul_add(plane(ray.near_at[2]), r.inv_near[2], r.off_near[2]), r.t_min),
         );
         let far = I::min(
@@ -180,6 +179,19 @@ unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
     }
 }
 
+/// Kept out of line, so that the registers of the loop around it are not planned for calls.
+#[cold]
+#[inline(never)]
+fn closest_in_list(list: &[u32], ray: &Prepared, best: &mut Best, items: &impl Items) {
+    list.iter().for_each(|&item| items.closest(item, ray, best));
+}
+
+#[cold]
+#[inline(never)]
+fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    list.iter().any(|&item| items.any(item, ray, t_last))
+}
+
 /// Offers all hits below `root` to `best`.
 ///
 /// # Safety
@@ -213,9 +225,7 @@ pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared,
             }
             if current != 0 {
                 if current & 7 == TAG_ITEMS {
-                    for &item in list(base, current) {
-                        items.closest(item, ray, best);
-                    }
+                    closest_in_list(list(base, current), ray, best, items);
                 } else {
                     let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
                     for i in 0..(current & 7) as usize {
@@ -271,10 +281,8 @@ pub(super) unsafe fn any<I: Isa>(base: *const u8, root: u32, ray: &Prepared, t_l
                 }
             }
             if current & 7 == TAG_ITEMS {
-                for &item in list(base, current) {
-                    if items.any(item, ray, t_last) {
-                        return true;
-                    }
+                if any_in_list(list(base, current), ray, t_last, items) {
+                    return true;
                 }
             } else {
                 let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
