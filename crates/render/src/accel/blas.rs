@@ -50,7 +50,7 @@ impl Items for Shapes {
         let (shape, bounds) = &self.shapes[item as usize];
         // The ray's own interval, not the one up to the best hit: a hit must not depend on what was found before.
         if let Some(near) = ray.enters(bounds)
-            && let Some(h) = shape.intersect(&ray.ray)
+            && let Some(h) = shape.intersect(&ray.ray())
         {
             best.offer(h.t.max(near), h.u, h.v, self.first + item);
         }
@@ -59,7 +59,7 @@ impl Items for Shapes {
     #[inline]
     fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool {
         let (shape, bounds) = &self.shapes[item as usize];
-        ray.enters(bounds).is_some_and(|near| shape.intersect(&ray.ray).is_some_and(|h| h.t.max(near) <= t_last))
+        ray.enters(bounds).is_some_and(|near| shape.intersect(&ray.ray()).is_some_and(|h| h.t.max(near) <= t_last))
     }
 }
 
@@ -131,14 +131,15 @@ impl Blas {
                 best.offer(h.t, h.u, h.v, self.shapes.first + i);
             }
         }
+        let Ray { o, d, .. } = *ray;
         // SAFETY: `isa` comes from detection, and the root and arena from one build.
         unsafe {
             match isa {
                 IsaKind::Portable => self.closest_in::<Portable>(ray, best),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx2 => self.closest_avx2(ray, best),
+                IsaKind::Avx2 => self.closest_avx2(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max, best),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx512 => self.closest_avx512(ray, best),
+                IsaKind::Avx512 => self.closest_avx512(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max, best),
             }
         }
     }
@@ -150,14 +151,15 @@ impl Blas {
         if self.unbounded.iter().any(hit) {
             return true;
         }
+        let Ray { o, d, .. } = *ray;
         // SAFETY: as above.
         unsafe {
             match isa {
                 IsaKind::Portable => self.any_in::<Portable>(ray, t_last),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx2 => self.any_avx2(ray, t_last),
+                IsaKind::Avx2 => self.any_avx2(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx512 => self.any_avx512(ray, t_last),
+                IsaKind::Avx512 => self.any_avx512(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max),
             }
         }
     }
@@ -184,32 +186,41 @@ impl Blas {
         }
     }
 
+    // The ray comes in registers: read from memory in vectors, just after it was written by the number, it would stall.
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn closest_avx2(&self, ray: &Ray, best: &mut Best) {
+    fn closest_avx2(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32, best: &mut Best) {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: this function is only called where the machine has the instruction set.
-        unsafe { self.closest_in::<Avx2>(ray, best) }
+        unsafe { self.closest_in::<Avx2>(&ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn closest_avx512(&self, ray: &Ray, best: &mut Best) {
+    fn closest_avx512(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32, best: &mut Best) {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.closest_in::<Avx512>(ray, best) }
+        unsafe { self.closest_in::<Avx512>(&ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn any_avx2(&self, ray: &Ray, t_last: f32) -> bool {
+    fn any_avx2(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32) -> bool {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.any_in::<Avx2>(ray, t_last) }
+        unsafe { self.any_in::<Avx2>(&ray, t_max.next_down()) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn any_avx512(&self, ray: &Ray, t_last: f32) -> bool {
+    fn any_avx512(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32) -> bool {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.any_in::<Avx512>(ray, t_last) }
+        unsafe { self.any_in::<Avx512>(&ray, t_max.next_down()) }
     }
 
     /// Checks the hierarchy: references point into the arena, depth stays below the stack's, and every triangle and

@@ -17,7 +17,9 @@ pub(super) const LIMIT: f32 = 1e18;
 /// that, boxes of nodes by more again, so that whatever rounding the machine uses, a ray that enters a primitive's box
 /// (as [`Prepared::enters`] defines it) enters all boxes around it, and not later.
 pub(super) struct Prepared {
-    pub ray: Ray,
+    /// Ends of the interval; the lower one is not negative.
+    pub t_min: f32,
+    pub t_max: f32,
     /// 1/d for entering planes, and (1 + 32U)/d for leaving ones.
     pub inv_near: Lanes4,
     pub inv_far: Lanes4,
@@ -28,6 +30,9 @@ pub(super) struct Prepared {
     pub near_at: [usize; 3],
     /// Axes permuted so that |d| is largest along the last, as offsets in a block's vertex in floats.
     pub axes: [usize; 3],
+    /// Origin and direction.
+    o: [f32; 4],
+    d: [f32; 4],
     /// Origin by permuted axes, and the shear that turns the ray to the unit vector along the last (Woop et al. 2013).
     pub origin: [f32; 3],
     pub shear: [f32; 3],
@@ -94,15 +99,18 @@ impl Prepared {
             let scale = I::b_splat(FAR_SCALE);
             let (o, d) = (store(o4).0, store(d4).0);
             let inv_z = 1.0 / d[kz];
-            let upper = |k: usize| ((d[k].to_bits() >> 31) as usize) * OPPOSITE;
+            let upper = |d: f32| ((d.to_bits() >> 31) as usize) * OPPOSITE;
             Some(Self {
-                ray: Ray { t_min: ray.t_min.max(0.0) + 0.0, ..*ray },
+                t_min: ray.t_min.max(0.0) + 0.0,
+                t_max: ray.t_max,
                 inv_near: store(inv),
                 inv_far: store(I::b_mul(inv, scale)),
                 off_near: store(I::b_sub(off, slack)),
                 off_far: store(I::b_mul(I::b_add(off, slack), scale)),
-                near_at: [upper(0), upper(1) + 2 * OPPOSITE, upper(2) + 4 * OPPOSITE],
+                near_at: [upper(ray.d.x), upper(ray.d.y) + 2 * OPPOSITE, upper(ray.d.z) + 4 * OPPOSITE],
                 axes: [kx * LANES, ky * LANES, kz * LANES],
+                o,
+                d,
                 origin: [o[kx], o[ky], o[kz]],
                 shear: [d[kx] / d[kz], d[ky] / d[kz], inv_z],
                 off: store(off),
@@ -111,13 +119,19 @@ impl Prepared {
         }
     }
 
+    /// The ray again.
+    pub(super) fn ray(&self) -> Ray {
+        let v = |a: &[f32; 4]| Vec3::new(a[0], a[1], a[2]);
+        Ray { o: v(&self.o), d: v(&self.d), t_min: self.t_min, t_max: self.t_max }
+    }
+
     /// Where the ray enters a primitive's own box, if it does. All instruction sets compute this with the same bits, and
     /// a hit counts only if the ray enters the primitive's box, and not before it does: so which hit is the nearest is a
     /// property of the ray and the primitives alone, whatever the hierarchy is and in whatever order it is searched.
     #[inline(always)]
     pub(super) fn enters(&self, b: &Aabb) -> Option<f32> {
         let (lo, hi) = (b.min.to_array(), b.max.to_array());
-        let mut near = self.ray.t_min;
+        let mut near = self.t_min;
         let mut far = f32::INFINITY;
         for k in 0..3 {
             let (inv, off) = (self.inv_near.0[k], self.off.0[k]);

@@ -246,11 +246,11 @@ impl Instances<'_> {
 
 impl Items for Instances<'_> {
     fn closest(&self, item: u32, ray: &Prepared, best: &mut Best) {
-        self.trace(item, &ray.ray, best);
+        self.trace(item, &ray.ray(), best);
     }
 
     fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool {
-        self.occluded(item, &ray.ray, t_last)
+        self.occluded(item, &ray.ray(), t_last)
     }
 }
 

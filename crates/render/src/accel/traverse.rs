@@ -92,7 +92,7 @@ unsafe fn test_block<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut tak
         let scaled = I::b_add(I::b_add(I::b_mul(u, az), I::b_mul(v, bz)), I::b_mul(w, cz));
         let t = I::b_div(I::b_mul(scaled, I::b_splat(ray.shear[2])), det);
         // A quotient by zero is infinite or not a number, and fails here.
-        let mut hits = sided & I::b_lt(I::b_splat(ray.ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
+        let mut hits = sided & I::b_lt(I::b_splat(ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
         if hits == 0 {
             return false;
         }
@@ -157,7 +157,7 @@ impl<I: Isa> Lanes<I> {
                 inv_far: all(&ray.inv_far),
                 off_near: all(&ray.off_near),
                 off_far: all(&ray.off_far),
-                t_min: I::splat(ray.ray.t_min),
+                t_min: I::splat(ray.t_min),
             }
         }
     }
