@@ -4,6 +4,10 @@
 //! Python package can offer the same command.
 
 pub mod commands;
+pub mod exit;
+pub mod progress;
+pub mod scene_args;
+pub mod settings;
 
 use std::ffi::OsString;
 use std::process::ExitCode;
@@ -20,26 +24,35 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Render a scene.
+    Render(Box<commands::render::Args>),
     /// Measure the renderer's kernels.
     Bench(commands::bench::Args),
+    /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
+    Compare(commands::compare::Args),
+    /// Add up films of different samples of one picture, exactly.
+    Merge(commands::merge::Args),
 }
 
-/// Runs the command line and returns the process's exit code (docs/guide/exit-codes.md).
+/// Runs the command line and returns the process's exit code ([`exit`]).
 pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(e) => {
             // Help and version go to standard output with success, faults to standard error.
-            let code = if e.use_stderr() { 2 } else { 0 };
+            let code = if e.use_stderr() { exit::USAGE } else { exit::OK };
             let _ = e.print();
             return ExitCode::from(code);
         }
     };
     let result = match cli.command {
+        Command::Render(args) => commands::render::run(*args),
         Command::Bench(args) => commands::bench::run(args),
+        Command::Compare(args) => commands::compare::run(args),
+        Command::Merge(args) => commands::merge::run(args),
     };
-    match result {
-        Ok(code) => code,
-        Err(e) => commands::report_error(&e),
-    }
+    result.unwrap_or_else(|e| {
+        commands::note(&format!("etendue: error: {e:#}"));
+        ExitCode::from(exit::code_of(&e))
+    })
 }

@@ -5,7 +5,20 @@
 
 pub mod accel;
 pub mod bsdf;
+pub mod camera;
+pub mod denoise;
+pub mod film;
+pub mod image;
+pub mod integrator;
 pub mod light;
+pub mod material;
 pub mod math;
+pub mod medium;
+pub mod sampler;
+pub mod scene;
+pub mod session;
 pub mod shape;
 pub mod spectrum;
+#[doc(hidden)]
+pub mod testing;
+pub mod texture;

@@ -1,12 +1,32 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
 pub mod bench;
+pub mod compare;
+pub mod merge;
+pub mod render;
 
 use std::io::Write;
-use std::process::ExitCode;
 
-/// Prints an error with its causes to standard error and returns the exit code for it.
-pub fn report_error(e: &anyhow::Error) -> ExitCode {
-    let _ = writeln!(std::io::stderr(), "etendue: error: {e:#}");
-    ExitCode::from(1)
+use etendue_scene::{SceneDesc, Severity};
+
+/// Prints a line for people to standard error.
+pub fn note(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// Prints warnings and losses of a scene to standard error; at most a screenful, `etendue info` has them all.
+pub fn report_losses(desc: &SceneDesc) {
+    const MOST: usize = 20;
+    let report = &desc.report;
+    for f in report.faults.iter().take(MOST) {
+        let word = if f.severity == Severity::Error { "error" } else { "warning" };
+        note(&format!("{}: {word}: {}", f.span.display(&desc.files), f.message));
+    }
+    for l in report.losses.iter().take(MOST) {
+        note(&format!("{}: not honored: {}: {}", l.span.display(&desc.files), l.feature, l.effect));
+    }
+    let more = report.faults.len().saturating_sub(MOST) + report.losses.len().saturating_sub(MOST);
+    if more > 0 {
+        note(&format!("… and {more} more; see `etendue info {}`", desc.files.first().map_or(String::new(), |p| p.display().to_string())));
+    }
 }

@@ -1,4 +1,25 @@
 //! Ray intersection: wide SIMD bounding volume hierarchies over triangles and exact analytic shapes, in two levels.
+//!
+//! A [`Blas`] holds geometry in its own space, an [`Accel`] places such in the world. Which hit is returned is a property
+//! of ray and geometry alone: the same bits on every machine, with every instruction set and number of threads. See
+//! README.md beside this file.
+
+mod bins;
+mod blas;
+mod build;
+mod emit;
+mod layout;
+mod ray;
+mod simd;
+mod tlas;
+mod traverse;
+
+#[cfg(test)]
+mod tests;
+
+pub use blas::{Blas, BlasInput};
+pub use simd::IsaKind;
+pub use tlas::{Accel, Instance};
 
 use glam::Vec3;
 
@@ -9,7 +30,7 @@ pub struct Ray {
     pub o: Vec3,
     /// Direction, not necessarily unit.
     pub d: Vec3,
-    /// Lower end of the interval, excluded.
+    /// Lower end of the interval, excluded; taken as zero where negative.
     pub t_min: f32,
     /// Upper end of the interval, excluded; may be infinite.
     pub t_max: f32,
@@ -27,4 +48,19 @@ impl Ray {
     pub fn at(&self, t: f32) -> Vec3 {
         self.o + self.d * t
     }
+}
+
+/// Where a ray meets a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Ray parameter.
+    pub t: f32,
+    /// Barycentric weight of vertex 1 of a triangle; the first surface parameter of a shape.
+    pub u: f32,
+    /// Barycentric weight of vertex 2 of a triangle; the second surface parameter of a shape.
+    pub v: f32,
+    /// Primitive of the instance's [`Blas`]: see [`BlasInput`].
+    pub prim: u32,
+    /// Index of the instance.
+    pub instance: u32,
 }

@@ -13,9 +13,39 @@
 //!   ratio of the refractive indices, importance is not (Veach 1997, section 5.2).
 //! - A model that has no transmission is black for `wo.z <= 0`; two-sidedness is the material's affair.
 
+pub mod coated;
+pub mod conductor;
+pub mod dielectric;
 pub mod diffuse;
+pub mod fresnel;
+pub mod ior;
+mod ior_data;
+pub mod microfacet;
+pub mod null;
+pub mod pbr;
+pub mod plastic;
+pub mod principled;
+pub mod rough_conductor;
+pub mod rough_dielectric;
+pub mod rough_diffuse;
+pub mod rough_plastic;
+pub mod rough_transmittance;
+pub mod thin_dielectric;
 
+pub use coated::{Coat, Coated, CoatedBase};
+pub use conductor::Conductor;
+pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use null::Null;
+pub use pbr::Pbr;
+pub use plastic::Plastic;
+pub use principled::Principled;
+pub use rough_conductor::RoughConductor;
+pub use rough_dielectric::RoughDielectric;
+pub use rough_diffuse::RoughDiffuse;
+pub use rough_plastic::RoughPlastic;
+pub use rough_transmittance::RoughTransmittance;
+pub use thin_dielectric::ThinDielectric;
 
 use crate::math::{Vec2, Vec3};
 use crate::spectrum::Spectrum;
@@ -120,4 +150,28 @@ macro_rules! bsdfs {
 bsdfs! {
     /// Lambert's ideally diffuse reflection.
     Diffuse,
+    /// Diffuse reflection of a rough surface.
+    RoughDiffuse,
+    /// Smooth metal, mirrors.
+    Conductor,
+    /// Rough metal.
+    RoughConductor,
+    /// Smooth glass.
+    Dielectric,
+    /// Frosted glass.
+    RoughDielectric,
+    /// A thin pane of glass.
+    ThinDielectric,
+    /// A diffuse base below a clear coat.
+    Plastic,
+    /// A diffuse base below a frosted coat.
+    RoughPlastic,
+    /// A varnished material.
+    Coated,
+    /// No surface at all.
+    Null,
+    /// Disney's principled model, with the parameters of Mitsuba.
+    Principled,
+    /// The glTF metallic-roughness material with its extensions.
+    Pbr,
 }

@@ -298,7 +298,7 @@ mod tests {
 
     #[test]
     fn integral_of_the_pdf_is_one() {
-        let weights: Vec<f32> = (0..64 * 32).map(|i| u(i)).collect();
+        let weights: Vec<f32> = (0..64 * 32).map(u).collect();
         let d = PiecewiseConstant2D::new(64, 32, &weights);
         let sum: f64 =
             (0..64 * 32).map(|i| f64::from(d.pdf(Vec2::new(((i % 64) as f32 + 0.5) / 64.0, ((i / 64) as f32 + 0.5) / 32.0)))).sum();

@@ -1,15 +1,7 @@
 //! Steps from a description to a description: loading what it refers to, filling in what it leaves open.
 
-use crate::desc::SceneDesc;
-use crate::report::ReadError;
+mod complete;
+mod meshes;
 
-/// Loads the files of all meshes, in parallel.
-///
-/// # Errors
-/// [`ReadError`] with the faults of every mesh file.
-pub fn load_meshes(_desc: &mut SceneDesc) -> Result<(), ReadError> {
-    Ok(())
-}
-
-/// Adds a camera and a light where the file has none.
-pub fn complete(_desc: &mut SceneDesc) {}
+pub use complete::{complete, world_bounds};
+pub use meshes::load_meshes;

@@ -1,0 +1,304 @@
+//! Traversal: the nearest hit and any hit of a ray, generic over the instruction set.
+#![allow(unsafe_code)]
+
+use super::layout::{BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
+use super::ray::{FAR_SCALE, Lanes4, OPPOSITE, Prepared};
+use super::simd::{Isa, LANES};
+use crate::math::{Aabb, Vec3};
+use std::mem::MaybeUninit;
+
+/// Most entries of the stack: the build keeps trees less than [`super::build::MAX_DEPTH`] deep, a node leaves seven
+/// behind, and vector stores write up to seven beyond.
+const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
+
+/// The nearest hit so far.
+#[derive(Clone, Copy)]
+pub(super) struct Best {
+    pub t: f32,
+    pub u: f32,
+    pub v: f32,
+    pub prim: u32,
+    pub instance: u32,
+    /// Instance that is being searched.
+    pub current: u32,
+}
+
+impl Best {
+    /// Nothing yet; hits at `t_max` itself do not count, hits as near as an earlier one do if their number is lower.
+    #[inline(always)]
+    pub(super) fn new(t_max: f32) -> Self {
+        Self { t: t_max.next_down(), u: 0.0, v: 0.0, prim: u32::MAX, instance: u32::MAX, current: 0 }
+    }
+
+    /// Takes a hit if it is nearer, or as near with a lower (instance, primitive).
+    #[inline(always)]
+    pub(super) fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32) {
+        if t < self.t || (t == self.t && (self.current, prim) < (self.instance, self.prim)) {
+            *self = Self { t, u, v, prim, instance: self.current, current: self.current };
+        }
+    }
+}
+
+/// What list leaves stand for: shapes in the lower level, instances in the upper.
+pub(super) trait Items {
+    /// Offers the hits of an item to `best`.
+    fn closest(&self, item: u32, ray: &Prepared, best: &mut Best);
+    /// Whether the item is hit before `t_last`, itself included.
+    fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool;
+}
+
+/// The triangle of a block's lane.
+#[inline(always)]
+pub(super) fn lane_box(block: &Block, lane: usize) -> Aabb {
+    let v = |k: usize| Vec3::new(block.vertices[3 * k][lane], block.vertices[3 * k + 1][lane], block.vertices[3 * k + 2][lane]);
+    let (a, b, c) = (v(0), v(1), v(2));
+    Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
+}
+
+/// Tests a block: the watertight test of Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1),
+/// appendix A, on several triangles at once. Edges are inclusive: an edge function that rounds to zero belongs to both
+/// sides, and as rounding is monotonic its sign is never wrong, so no ray passes between two triangles. (The paper takes
+/// double precision for zeros instead, to give them to one side.) Calls `take` with t, u, v and the primitive for each
+/// hit with `t_min` < t ≤ `t_last`, until it returns true.
+#[inline(always)]
+unsafe fn test_block<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut take: impl FnMut(f32, f32, f32, u32) -> bool) -> bool {
+    // SAFETY: the caller vouches for the instruction set; all loads lie within the block, aligned to its lanes.
+    unsafe {
+        let base = block.vertices.as_ptr().cast::<f32>();
+        let [kx, ky, kz] = ray.axes;
+        let (ox, oy, oz) = (I::b_splat(ray.origin[0]), I::b_splat(ray.origin[1]), I::b_splat(ray.origin[2]));
+        let (sx, sy) = (I::b_splat(ray.shear[0]), I::b_splat(ray.shear[1]));
+        let vertex = |k: usize| {
+            let p = base.add(3 * k * LANES);
+            let z = I::b_sub(I::b_load(p.add(kz)), oz);
+            let x = I::b_sub(I::b_sub(I::b_load(p.add(kx)), ox), I::b_mul(sx, z));
+            let y = I::b_sub(I::b_sub(I::b_load(p.add(ky)), oy), I::b_mul(sy, z));
+            (x, y, z)
+        };
+        let (ax, ay, az) = vertex(0);
+        let (bx, by, bz) = vertex(1);
+        let (cx, cy, cz) = vertex(2);
+        let u = I::b_sub(I::b_mul(cx, by), I::b_mul(cy, bx));
+        let v = I::b_sub(I::b_mul(ax, cy), I::b_mul(ay, cx));
+        let w = I::b_sub(I::b_mul(bx, ay), I::b_mul(by, ax));
+        let zero = I::b_splat(0.0);
+        let least = I::b_min(I::b_min(u, v), w);
+        let most = I::b_max(I::b_max(u, v), w);
+        let sided = I::b_le(zero, least) | I::b_le(most, zero);
+        if sided == 0 {
+            return false;
+        }
+        let det = I::b_add(I::b_add(u, v), w);
+        let scaled = I::b_add(I::b_add(I::b_mul(u, az), I::b_mul(v, bz)), I::b_mul(w, cz));
+        let t = I::b_div(I::b_mul(scaled, I::b_splat(ray.shear[2])), det);
+        // A quotient by zero is infinite or not a number, and fails here.
+        let mut hits = sided & I::b_lt(I::b_splat(ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
+        if hits == 0 {
+            return false;
+        }
+        let (mut ts, mut us, mut vs) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
+        I::b_store(ts.as_mut_ptr(), t);
+        I::b_store(us.as_mut_ptr(), I::b_div(v, det));
+        I::b_store(vs.as_mut_ptr(), I::b_div(w, det));
+        while hits != 0 {
+            let lane = hits.trailing_zeros() as usize;
+            hits &= hits - 1;
+            if let Some(near) = ray.enters(&lane_box(block, lane))
+                && take(ts[lane].max(near), us[lane], vs[lane], block.prims[lane])
+            {
+                return true;
+            }
+        }
+        false
+    }
+}
+
+/// Box tests of a node: entering distances and a bit for each child that is entered before `limit`.
+#[inline(always)]
+unsafe fn test_node<I: Isa>(node: *const u8, r: &Lanes<I>, ray: &Prepared, limit: I::F) -> (I::F, u32) {
+    // SAFETY: the caller vouches for the node and the instruction set; offsets lie within a node.
+    unsafe {
+        let plane = |at: usize| I::load(node.add(at).cast());
+        let near = I::max(
+            I::max(
+                I::mul_add(plane(ray.near_at[0]), r.inv_near[0], r.off_near[0]),
+                I::mul_add(plane(ray.near_at[1]), r.inv_near[1], r.off_near[1]),
+            ),
+            I::max(I::mul_add(plane(ray.near_at[2]), r.inv_near[2], r.off_near[2]), r.t_min),
+        );
+        let far = I::min(
+            I::min(
+                I::mul_add(plane(ray.near_at[0] ^ OPPOSITE), r.inv_far[0], r.off_far[0]),
+                I::mul_add(plane(ray.near_at[1] ^ OPPOSITE), r.inv_far[1], r.off_far[1]),
+            ),
+            I::min(I::mul_add(plane(ray.near_at[2] ^ OPPOSITE), r.inv_far[2], r.off_far[2]), limit),
+        );
+        (near, I::le(near, far))
+    }
+}
+
+/// A ray's numbers in all lanes.
+struct Lanes<I: Isa> {
+    inv_near: [I::F; 3],
+    inv_far: [I::F; 3],
+    off_near: [I::F; 3],
+    off_far: [I::F; 3],
+    t_min: I::F,
+}
+
+impl<I: Isa> Lanes<I> {
+    #[inline(always)]
+    unsafe fn new(ray: &Prepared) -> Self {
+        // SAFETY: the caller vouches for the instruction set.
+        unsafe {
+            let all = |a: &Lanes4| [I::splat(a.0[0]), I::splat(a.0[1]), I::splat(a.0[2])];
+            Self {
+                inv_near: all(&ray.inv_near),
+                inv_far: all(&ray.inv_far),
+                off_near: all(&ray.off_near),
+                off_far: all(&ray.off_far),
+                t_min: I::splat(ray.t_min),
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn scaled_limit(t: f32) -> f32 {
+    // From the largest number up to infinity is harmless.
+    t * FAR_SCALE
+}
+
+/// The item numbers of a list leaf.
+#[inline(always)]
+unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
+    // SAFETY: the caller vouches that `child` is a list of the arena at `base`: a length and so many words.
+    unsafe {
+        let p = base.add((child >> 3) as usize * UNIT).cast::<Unit>().cast::<u32>();
+        std::slice::from_raw_parts(p.add(1), *p as usize)
+    }
+}
+
+/// Kept out of line, so that the registers of the loop around it are not planned for calls.
+#[cold]
+#[inline(never)]
+fn closest_in_list(list: &[u32], ray: &Prepared, best: &mut Best, items: &impl Items) {
+    list.iter().for_each(|&item| items.closest(item, ray, best));
+}
+
+#[cold]
+#[inline(never)]
+fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    list.iter().any(|&item| items.any(item, ray, t_last))
+}
+
+/// Offers all hits below `root` to `best`.
+///
+/// # Safety
+/// The machine has the instruction set, and `root` is a child reference of the arena at `base`.
+#[inline(always)]
+pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared, best: &mut Best, items: &impl Items) {
+    let mut keys = [const { MaybeUninit::<i32>::uninit() }; STACK];
+    let mut refs = [const { MaybeUninit::<u32>::uninit() }; STACK];
+    // SAFETY: the build vouches for references and depth (checked by `validate` in tests); entries below `sp` are written.
+    unsafe {
+        let (keys, refs) = (keys.as_mut_ptr().cast::<i32>(), refs.as_mut_ptr().cast::<u32>());
+        let r = Lanes::<I>::new(ray);
+        let mut sp = 0;
+        let mut current = root;
+        let mut limit = scaled_limit(best.t);
+        let mut limits = I::splat(limit);
+        loop {
+            while current & 7 == TAG_NODE {
+                let node = base.add((current >> 3) as usize * UNIT);
+                let (near, mask) = test_node::<I>(node, &r, ray, limits);
+                let children = node.add(CHILDREN_AT).cast::<u32>();
+                if mask == 0 {
+                    current = 0;
+                } else if mask & (mask - 1) == 0 {
+                    current = *children.add(mask.trailing_zeros() as usize);
+                } else {
+                    let nearest = I::push_sorted(near, mask, children, keys.add(sp), refs.add(sp));
+                    sp += mask.count_ones() as usize - 1;
+                    current = *children.add(nearest);
+                }
+            }
+            if current != 0 {
+                if current & 7 == TAG_ITEMS {
+                    closest_in_list(list(base, current), ray, best, items);
+                } else {
+                    let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
+                    for i in 0..(current & 7) as usize {
+                        let t_last = best.t;
+                        test_block::<I>(&*blocks.add(i), ray, t_last, |t, u, v, prim| {
+                            best.offer(t, u, v, prim);
+                            false
+                        });
+                    }
+                }
+                limit = scaled_limit(best.t);
+                limits = I::splat(limit);
+            }
+            loop {
+                if sp == 0 {
+                    return;
+                }
+                sp -= 1;
+                if f32::from_bits((*keys.add(sp) & !7) as u32) <= limit {
+                    current = *refs.add(sp);
+                    break;
+                }
+            }
+        }
+    }
+}
+
+/// Whether anything below `root` is hit at `t_last` or before.
+///
+/// # Safety
+/// As for [`closest`].
+#[inline(always)]
+pub(super) unsafe fn any<I: Isa>(base: *const u8, root: u32, ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    let mut refs = [const { MaybeUninit::<u32>::uninit() }; STACK];
+    // SAFETY: as in `closest`.
+    unsafe {
+        let refs = refs.as_mut_ptr().cast::<u32>();
+        let r = Lanes::<I>::new(ray);
+        let limits = I::splat(scaled_limit(t_last));
+        let mut sp = 0;
+        let mut current = root;
+        loop {
+            while current & 7 == TAG_NODE {
+                let node = base.add((current >> 3) as usize * UNIT);
+                let (_, mask) = test_node::<I>(node, &r, ray, limits);
+                let children = node.add(CHILDREN_AT).cast::<u32>();
+                if mask == 0 {
+                    current = 0;
+                } else {
+                    I::push(mask, children, refs.add(sp));
+                    sp += mask.count_ones() as usize - 1;
+                    current = *refs.add(sp);
+                }
+            }
+            if current & 7 == TAG_ITEMS {
+                if any_in_list(list(base, current), ray, t_last, items) {
+                    return true;
+                }
+            } else {
+                let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
+                for i in 0..(current & 7) as usize {
+                    if test_block::<I>(&*blocks.add(i), ray, t_last, |t, _, _, _| t <= t_last) {
+                        return true;
+                    }
+                }
+            }
+            if sp == 0 {
+                return false;
+            }
+            sp -= 1;
+            current = *refs.add(sp);
+        }
+    }
+}
+
+const _: () = assert!(MAX_BLOCKS < TAG_ITEMS as usize && BLOCK_UNITS * UNIT == size_of::<Block>());

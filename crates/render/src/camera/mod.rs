@@ -1,0 +1,166 @@
+//! Cameras: from a point of the picture and of the lens to a ray.
+//!
+//! Camera space: +x right, +y up, looking along −z. Picture space: pixels, (0, 0) the upper left corner.
+
+use etendue_scene::desc::{CameraDesc, FovAxis, ProjectionDesc};
+
+use crate::accel::Ray;
+use crate::math::{Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+
+/// A ray of the camera.
+#[derive(Clone, Copy, Debug)]
+pub struct CameraRay {
+    /// The ray; its direction is unit.
+    pub ray: Ray,
+    /// What the pixel's radiance is multiplied by: 1 for all present cameras.
+    pub weight: f32,
+    /// Angle of the cone that a pixel spans, in radians (Akenine-Möller et al. 2019, Ray Tracing Gems ch. 20).
+    pub spread_rad: f32,
+}
+
+#[derive(Clone, Debug)]
+enum Projection {
+    /// `corner + x·dx + y·dy` is the point of the picture on the plane z = −1.
+    Perspective {
+        aperture_radius: f32,
+        focus_distance: f32,
+    },
+    /// The same on the plane z = 0.
+    Orthographic,
+    Panoramic,
+}
+
+/// A camera ready to make rays for a picture of a given size.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    world_from_camera: Mat4,
+    projection: Projection,
+    corner: Vec2,
+    step: Vec2,
+    near: f32,
+    far: f32,
+    spread_rad: f32,
+}
+
+impl Camera {
+    /// Prepares a camera for a picture of `width` × `height` pixels.
+    pub fn new(desc: &CameraDesc, width: u32, height: u32) -> Self {
+        let (w, h) = (width.max(1) as f32, height.max(1) as f32);
+        let (projection, half, offset) = match desc.projection {
+            ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset } => {
+                let t = fns::tan(0.5 * fov_rad);
+                let half_width = match fov_axis {
+                    FovAxis::X => t,
+                    FovAxis::Y => t * w / h,
+                    FovAxis::Smaller => t * (w / h).max(1.0),
+                    FovAxis::Larger => t * (w / h).min(1.0),
+                    FovAxis::Diagonal => t * w / (w * w + h * h).sqrt(),
+                };
+                let half = Vec2::new(half_width, half_width * h / w);
+                (Projection::Perspective { aperture_radius, focus_distance }, half, Vec2::from(principal_point_offset))
+            }
+            ProjectionDesc::Orthographic { half_width, half_height } => {
+                (Projection::Orthographic, Vec2::new(half_width, half_height.unwrap_or(half_width * h / w)), Vec2::ZERO)
+            }
+            ProjectionDesc::Panoramic => (Projection::Panoramic, Vec2::ONE, Vec2::ZERO),
+        };
+        let step = Vec2::new(2.0 * half.x / w, -2.0 * half.y / h);
+        // The offset moves the optical axis within the picture, so the picture's plane moves the other way.
+        let corner = Vec2::new(-half.x, half.y) - Vec2::new(offset.x * w * step.x, offset.y * h * step.y);
+        let spread_rad = match projection {
+            Projection::Perspective { .. } => fns::atan(step.y.abs()),
+            Projection::Orthographic => 0.0,
+            Projection::Panoramic => PI / h,
+        };
+        Self { world_from_camera: desc.world_from_camera, projection, corner, step, near: desc.near, far: desc.far, spread_rad }
+    }
+
+    /// The ray through a point of the picture (in pixels) and of the lens (`u_lens` in [0, 1)²).
+    pub fn ray(&self, picture: Vec2, u_lens: Vec2) -> CameraRay {
+        let q = self.corner + picture * self.step;
+        let (o, d) = match self.projection {
+            Projection::Perspective { aperture_radius, focus_distance } => {
+                let d = Vec3::new(q.x, q.y, -1.0);
+                if aperture_radius > 0.0 {
+                    let lens = warp::disk_concentric(u_lens) * aperture_radius;
+                    let o = Vec3::new(lens.x, lens.y, 0.0);
+                    (o, d * focus_distance - o)
+                } else {
+                    (Vec3::ZERO, d)
+                }
+            }
+            Projection::Orthographic => (Vec3::new(q.x, q.y, 0.0), -Vec3::Z),
+            Projection::Panoramic => {
+                // q runs over [−1, 1]² with +y up.
+                let (sin_phi, cos_phi) = fns::sin_cos(q.x * 0.5 * TAU);
+                let (sin_theta, cos_theta) = fns::sin_cos(0.5 * PI * (1.0 - q.y));
+                (Vec3::ZERO, Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi))
+            }
+        };
+        // Near and far are depths along the axis for flat projections, distances all round.
+        let forward = d.normalize();
+        let depth = if matches!(self.projection, Projection::Panoramic) { 1.0 } else { -forward.z };
+        let scale = |z: f32| if z > 0.0 && depth > 0.0 { z / depth } else { 0.0 };
+        let o_world = self.world_from_camera.transform_point3(o);
+        let d_world = self.world_from_camera.transform_vector3(forward);
+        let stretch = d_world.length();
+        let t_max = if self.far.is_finite() { scale(self.far) * stretch } else { f32::INFINITY };
+        let ray = Ray { o: o_world, d: d_world / stretch, t_min: scale(self.near) * stretch, t_max };
+        CameraRay { ray, weight: 1.0, spread_rad: self.spread_rad }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn desc(projection: ProjectionDesc) -> CameraDesc {
+        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+    }
+
+    fn perspective(fov_axis: FovAxis, aperture_radius: f32) -> CameraDesc {
+        desc(ProjectionDesc::Perspective {
+            fov_rad: PI / 2.0,
+            fov_axis,
+            aperture_radius,
+            focus_distance: 3.0,
+            principal_point_offset: [0.0; 2],
+        })
+    }
+
+    #[test]
+    fn perspective_looks_along_minus_z_with_right_at_plus_x() {
+        let camera = Camera::new(&perspective(FovAxis::X, 0.0), 200, 100);
+        let at = |x: f32, y: f32| camera.ray(Vec2::new(x, y), Vec2::ZERO).ray.d;
+        assert!((at(100.0, 50.0) - -Vec3::Z).length() < 1e-6);
+        let right = at(200.0, 50.0);
+        assert!((right.x / -right.z - 1.0).abs() < 1e-5, "the edge of a 90 degree view is at 45 degrees");
+        let top = at(100.0, 0.0);
+        assert!((top.y / -top.z - 0.5).abs() < 1e-5);
+        let camera = Camera::new(&perspective(FovAxis::Y, 0.0), 200, 100);
+        let top = camera.ray(Vec2::new(100.0, 0.0), Vec2::ZERO).ray.d;
+        assert!((top.y / -top.z - 1.0).abs() < 1e-5);
+    }
+
+    #[test]
+    fn thin_lens_rays_meet_in_the_plane_of_focus() {
+        let sharp = Camera::new(&perspective(FovAxis::X, 0.0), 64, 64).ray(Vec2::new(10.0, 20.0), Vec2::ZERO).ray;
+        let focus = sharp.at(3.0 / -sharp.d.z);
+        let camera = Camera::new(&perspective(FovAxis::X, 0.4), 64, 64);
+        for u in [Vec2::new(0.1, 0.9), Vec2::new(0.7, 0.3)] {
+            let ray = camera.ray(Vec2::new(10.0, 20.0), u).ray;
+            let t = (-3.0 - ray.o.z) / ray.d.z;
+            assert!((ray.at(t) - focus).length() < 1e-5);
+            assert!(ray.o.length() <= 0.4 && ray.o.length() > 0.0);
+        }
+    }
+
+    #[test]
+    fn panorama_covers_the_sphere() {
+        let camera = Camera::new(&desc(ProjectionDesc::Panoramic), 64, 32);
+        let at = |x: f32, y: f32| camera.ray(Vec2::new(x, y), Vec2::ZERO).ray.d;
+        assert!((at(32.0, 16.0) - -Vec3::Z).length() < 1e-5);
+        assert!((at(48.0, 16.0) - Vec3::X).length() < 1e-5);
+        assert!((at(10.0, 0.0) - Vec3::Y).length() < 1e-5);
+    }
+}

@@ -1,0 +1,97 @@
+//! From sums to pictures and error estimates.
+
+use super::{Film, SQUARE_ONE, SQUARES, SUM_ONE};
+use crate::image::Image;
+
+/// Planes beside the film's own channels.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct DevelopOptions {
+    /// Adds `variance.R`, `variance.G`, `variance.B`: of the pixel's mean, see [`Film::variance`].
+    pub variance: bool,
+    /// Adds `sampleCount`.
+    pub sample_count: bool,
+}
+
+impl Film {
+    /// The picture: every channel of the spec.
+    pub fn develop(&self) -> Image {
+        self.develop_with(DevelopOptions::default())
+    }
+
+    /// The picture with further planes.
+    pub fn develop_with(&self, options: DevelopOptions) -> Image {
+        let mut image = Image::new(self.rect.width(), self.rect.height());
+        image.origin = [self.rect.x0 as i32, self.rect.y0 as i32];
+        image.full_size = [self.spec().width, self.spec().height];
+        let divisors: Vec<f64> = (0..self.counts.len()).map(|pixel| self.divisor(pixel)).collect();
+        for (index, channel) in self.spec().channels.iter().enumerate() {
+            let data = match self.layout.means.iter().position(|&c| c == index) {
+                Some(slot) => {
+                    let stride = self.layout.means.len();
+                    divisors.iter().enumerate().map(|(p, d)| (self.sums[p * stride + slot] as f64 / SUM_ONE * d) as f32).collect()
+                }
+                None => {
+                    let stride = self.layout.firsts.len();
+                    let slot = self.layout.firsts.iter().position(|&c| c == index).unwrap_or(0);
+                    (0..divisors.len()).map(|p| self.first_values[p * stride + slot]).collect()
+                }
+            };
+            image.push(channel.name.clone(), data);
+        }
+        if options.variance {
+            for (slot, name) in ["variance.R", "variance.G", "variance.B"].into_iter().enumerate() {
+                image.push(name, (0..divisors.len()).map(|pixel| self.pixel_variance(pixel, slot) as f32).collect());
+            }
+        }
+        if options.sample_count {
+            image.push("sampleCount", self.counts.iter().map(|&c| c as f32).collect());
+        }
+        image
+    }
+
+    /// One over what the sums of a pixel are divided by: the sum of weights. With filters that have negative parts
+    /// it can come near zero or below for a pixel of few samples; then the count, its expectation, is used.
+    fn divisor(&self, pixel: usize) -> f64 {
+        let count = f64::from(self.counts[pixel]);
+        let weight = self.weights[pixel] as f64 / SUM_ONE;
+        if count == 0.0 { 0.0 } else { 1.0 / if weight > 0.25 * count { weight } else { count } }
+    }
+
+    /// Unbiased estimate of the variance of a pixel's mean; slot 0 to 2 = R, G, B, 3 = luminance. Infinite with less than
+    /// two samples.
+    fn pixel_variance(&self, pixel: usize, slot: usize) -> f64 {
+        let n = f64::from(self.counts[pixel]);
+        if n < 2.0 {
+            return f64::INFINITY;
+        }
+        let sum = if slot < 3 { self.sum(pixel, slot) } else { self.luminance_sum(pixel) };
+        let squares = self.squares[pixel * SQUARES + slot] as f64 / SQUARE_ONE;
+        ((squares - sum * sum / n) / (n * (n - 1.0))).max(0.0)
+    }
+
+    fn sum(&self, pixel: usize, slot: usize) -> f64 {
+        self.sums[pixel * self.layout.means.len() + slot] as f64 / SUM_ONE
+    }
+
+    fn luminance_sum(&self, pixel: usize) -> f64 {
+        0.212_671 * self.sum(pixel, 0) + 0.715_16 * self.sum(pixel, 1) + 0.072_169 * self.sum(pixel, 2)
+    }
+
+    /// Unbiased estimates of the variance of the mean luminance of each pixel, row by row:
+    /// (Σ(wL)² − (ΣwL)²/n) / (n(n−1)). It takes samples as independent; stratified and low-discrepancy samples have
+    /// less error than it says. Infinite for pixels with less than two samples.
+    pub fn variance(&self) -> Vec<f64> {
+        (0..self.counts.len()).map(|pixel| self.pixel_variance(pixel, 3)).collect()
+    }
+
+    /// An estimate of the picture's relative error: √ of the mean over pixels of var / (mean² + 0.01), with the variance
+    /// of the mean luminance. That is the square root of the relMSE which a comparison with the exact picture would find.
+    /// Summed in a fixed order from exact sums, so it is the same on any machine. Infinite if a pixel has less than two samples.
+    pub fn relative_error(&self) -> f64 {
+        let terms = (0..self.counts.len()).map(|pixel| {
+            let mean = self.luminance_sum(pixel) * self.divisor(pixel);
+            self.pixel_variance(pixel, 3) / (mean * mean + 0.01)
+        });
+        (terms.sum::<f64>() / self.counts.len() as f64).sqrt()
+    }
+}

@@ -1,0 +1,522 @@
+//! The film: a mergeable accumulator whose sums are exact.
+//!
+//! Every sum is fixed point in 128-bit integers (docs/decisions/0002-exact-film.md). Integer addition is associative
+//! and commutative, so a film's bits do not depend on threads, tiles, order, machines, checkpoints or on how the
+//! sample range was split. What a session must do for that: give each (pixel, sample index) pair to one film once.
+//!
+//! A film covers a rectangle of the picture. Workers fill small films ([`Film::new_tile`]), declare what they hold
+//! ([`Film::mark_held`]) and [`Film::merge`] them into the whole one; whole films of different sample ranges
+//! merge in the same way, in memory or from files ([`file`]).
+
+mod develop;
+pub mod file;
+pub mod filter;
+mod held;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+pub use develop::DevelopOptions;
+pub use filter::{Filter, FilterSample, FilterSampler};
+pub use held::{Held, HeldSamples, Rect};
+
+/// How a channel's samples become a pixel's value.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChannelKind {
+    /// The filter-weighted mean of the samples.
+    Mean,
+    /// The value of the sample with the lowest index: for ids, whose mean would mean nothing.
+    First,
+}
+
+/// A plane of the film.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Channel {
+    /// The field's name, as in EXR files: `R`, `albedo.G`, `Z`, `id.object` …
+    pub name: String,
+    /// How samples are combined.
+    pub kind: ChannelKind,
+}
+
+impl Channel {
+    /// A channel of means.
+    pub fn mean(name: impl Into<String>) -> Self {
+        Self { name: name.into(), kind: ChannelKind::Mean }
+    }
+
+    /// A channel of first values.
+    pub fn first(name: impl Into<String>) -> Self {
+        Self { name: name.into(), kind: ChannelKind::First }
+    }
+}
+
+/// What a film records: two films merge only if their specs are equal.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct FilmSpec {
+    /// Columns of the full picture.
+    pub width: u32,
+    /// Rows of the full picture.
+    pub height: u32,
+    /// The part of the picture that is rendered and stored.
+    pub crop: Rect,
+    /// The reconstruction filter (camera samples must be drawn by its [`FilterSampler`]).
+    pub filter: Filter,
+    /// The planes: always `R`, `G`, `B` (means) first; then `A`, light groups and AOVs.
+    pub channels: Vec<Channel>,
+}
+
+/// Most columns or rows of a picture.
+pub const MAX_SIDE: u32 = 1 << 20;
+/// Most planes of a film.
+pub const MAX_CHANNELS: usize = 1024;
+
+impl FilmSpec {
+    /// A whole picture of R, G, B and A under the default filter.
+    pub fn new(width: u32, height: u32) -> Self {
+        let channels = ["R", "G", "B", "A"].map(Channel::mean).to_vec();
+        Self { width, height, crop: Rect::new(0, 0, width, height), filter: Filter::default(), channels }
+    }
+
+    /// Checks sizes, crop, filter and channels.
+    ///
+    /// # Errors
+    /// [`FilmError::Spec`] with the first fault.
+    pub fn validate(&self) -> Result<(), FilmError> {
+        let fault = |what: String| Err(FilmError::Spec(what));
+        if self.width == 0 || self.height == 0 || self.width > MAX_SIDE || self.height > MAX_SIDE {
+            return fault(format!("size {}x{} is not within 1 to {MAX_SIDE} on each side", self.width, self.height));
+        }
+        if self.crop.area() == 0 || !Rect::new(0, 0, self.width, self.height).contains_rect(&self.crop) {
+            return fault(format!("crop {} is empty or not within the picture", self.crop));
+        }
+        if !self.filter.is_valid() {
+            return fault(format!("filter {:?} has unusable parameters", self.filter));
+        }
+        let first: Vec<_> = self.channels.iter().take(3).map(|c| (c.name.as_str(), c.kind)).collect();
+        if first != ["R", "G", "B"].map(|n| (n, ChannelKind::Mean)) {
+            return fault("the first channels are not R, G and B".into());
+        }
+        if self.channels.len() > MAX_CHANNELS {
+            return fault(format!("{} channels are more than {MAX_CHANNELS}", self.channels.len()));
+        }
+        let mut names: Vec<_> = self.channels.iter().map(|c| c.name.as_str()).collect();
+        names.sort_unstable();
+        if names.windows(2).any(|w| w[0] == w[1]) || names.iter().any(|n| n.is_empty() || n.len() > 255) {
+            return fault("channel names are not unique, or empty, or longer than 255 bytes".into());
+        }
+        Ok(())
+    }
+}
+
+/// Where a film's samples come from. All but `render_ms` and `notes` must agree for a merge.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FilmMeta {
+    /// A hash of the compiled scene.
+    pub scene_hash: String,
+    /// A hash of all settings that change sample values (not of sample counts, threads or tiles).
+    pub settings_hash: String,
+    /// The seed of the random numbers.
+    pub seed: u64,
+    /// The integrator's name.
+    pub integrator: String,
+    /// The program and version that rendered.
+    pub renderer: String,
+    /// Time spent rendering, in milliseconds; summed by merges.
+    pub render_ms: u64,
+    /// Anything else, for people; merges keep the notes of both, the first film's where they collide.
+    pub notes: BTreeMap<String, String>,
+}
+
+/// Numeric oddities met so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FilmCounters {
+    /// Values (or weights) that were NaN or infinite and counted as 0.
+    pub non_finite: u64,
+    /// Values beyond ±2^40 (whose squares: ±2^32) that were cut to that.
+    pub saturated: u64,
+}
+
+/// Why films cannot be made or merged.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FilmError {
+    /// The spec contradicts itself.
+    #[error("film: {0}")]
+    Spec(String),
+    /// The films do not belong together.
+    #[error("films differ in {what}: {ours} and {theirs}")]
+    Mismatch {
+        /// The property.
+        what: &'static str,
+        /// Its value in the film merged into.
+        ours: String,
+        /// Its value in the other film.
+        theirs: String,
+    },
+    /// Both films hold some of the same samples; their sum would count them twice.
+    #[error("both films hold samples {begin}..{end} of pixels {rect}")]
+    Overlap {
+        /// Common pixels.
+        rect: Rect,
+        /// First common sample index.
+        begin: u32,
+        /// One past the last.
+        end: u32,
+    },
+    /// A rectangle does not lie within the film.
+    #[error("pixels {inner} are not within the film's {outer}")]
+    Outside {
+        /// The rectangle.
+        inner: Rect,
+        /// The film's.
+        outer: Rect,
+    },
+}
+
+/// Sums are multiples of 2^-64.
+const SUM_ONE: f64 = 18_446_744_073_709_551_616.0;
+/// Sums of squares are multiples of 2^-40.
+const SQUARE_ONE: f64 = 1_099_511_627_776.0;
+/// Largest magnitude that is summed: leaves room for 2^23 samples a pixel of that size.
+const LIMIT: f64 = 1_099_511_627_776.0;
+/// Largest magnitude whose square is summed: leaves room for 2^23 samples as well.
+const SQUARE_LIMIT: f64 = 4_294_967_296.0;
+/// No sample yet.
+const NO_INDEX: u32 = u32::MAX;
+/// Sums of squares of a pixel: R, G, B, luminance.
+const SQUARES: usize = 4;
+
+/// Where each channel's values go.
+#[derive(Debug, PartialEq)]
+struct Layout {
+    spec: FilmSpec,
+    /// Indices into the channels, of each kind.
+    means: Vec<usize>,
+    firsts: Vec<usize>,
+}
+
+/// The accumulator of a rectangle of pixels; see the module.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    layout: Arc<Layout>,
+    rect: Rect,
+    /// Where the samples come from.
+    pub meta: FilmMeta,
+    held: Held,
+    counters: FilmCounters,
+    /// Σ weight·value, pixel by pixel, the mean channels side by side.
+    sums: Vec<i128>,
+    /// Σ (weight·value)² of R, G, B and the luminance.
+    squares: Vec<i128>,
+    /// Σ weight.
+    weights: Vec<i128>,
+    /// Number of samples.
+    counts: Vec<u32>,
+    /// Lowest sample index so far (only with first channels).
+    first_indices: Vec<u32>,
+    /// Its values, the first channels side by side.
+    first_values: Vec<f32>,
+}
+
+impl Film {
+    /// An empty film of the spec's crop.
+    ///
+    /// # Errors
+    /// As [`FilmSpec::validate`].
+    pub fn new(spec: FilmSpec) -> Result<Self, FilmError> {
+        let rect = spec.crop;
+        Self::tile(&spec, rect)
+    }
+
+    /// An empty film of a rectangle of the spec's crop.
+    ///
+    /// # Errors
+    /// As [`FilmSpec::validate`], and [`FilmError::Outside`].
+    pub fn tile(spec: &FilmSpec, rect: Rect) -> Result<Self, FilmError> {
+        spec.validate()?;
+        let of_kind = |kind| (0..spec.channels.len()).filter(|&i| spec.channels[i].kind == kind).collect();
+        let layout = Layout { spec: spec.clone(), means: of_kind(ChannelKind::Mean), firsts: of_kind(ChannelKind::First) };
+        Self::with_layout(Arc::new(layout), rect, FilmMeta::default())
+    }
+
+    /// An empty film of a rectangle of this film, with its spec and meta data (but no render time): a worker's tile.
+    ///
+    /// # Errors
+    /// [`FilmError::Outside`].
+    pub fn new_tile(&self, rect: Rect) -> Result<Self, FilmError> {
+        Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() })
+    }
+
+    fn with_layout(layout: Arc<Layout>, rect: Rect, meta: FilmMeta) -> Result<Self, FilmError> {
+        if rect.area() == 0 || !layout.spec.crop.contains_rect(&rect) {
+            return Err(FilmError::Outside { inner: rect, outer: layout.spec.crop });
+        }
+        let pixels = rect.area() as usize;
+        let bytes_per_pixel = layout.bytes_per_pixel();
+        if pixels.checked_mul(bytes_per_pixel).is_none_or(|bytes| bytes > isize::MAX as usize) {
+            return Err(FilmError::Spec(format!("{rect} needs more memory than there is")));
+        }
+        let firsts = layout.firsts.len();
+        Ok(Self {
+            rect,
+            meta,
+            held: Held::default(),
+            counters: FilmCounters::default(),
+            sums: vec![0; pixels * layout.means.len()],
+            squares: vec![0; pixels * SQUARES],
+            weights: vec![0; pixels],
+            counts: vec![0; pixels],
+            first_indices: if firsts > 0 { vec![NO_INDEX; pixels] } else { Vec::new() },
+            first_values: vec![0.0; pixels * firsts],
+            layout,
+        })
+    }
+
+    /// Bytes that one pixel takes in memory.
+    pub fn bytes_per_pixel(&self) -> usize {
+        self.layout.bytes_per_pixel()
+    }
+
+    /// What the film records.
+    pub fn spec(&self) -> &FilmSpec {
+        &self.layout.spec
+    }
+
+    /// The pixels that it covers, in full-picture coordinates.
+    pub fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    /// Numeric oddities met so far.
+    pub fn counters(&self) -> FilmCounters {
+        self.counters
+    }
+
+    /// The samples that it was declared to hold.
+    pub fn held(&self) -> &Held {
+        &self.held
+    }
+
+    /// Ranges of sample indices [begin, end) that every pixel of this film holds.
+    pub fn ranges(&self) -> Vec<[u32; 2]> {
+        self.held.entries().iter().filter(|e| e.rect == self.rect).map(|e| [e.begin, e.end]).collect()
+    }
+
+    /// The number of samples of a pixel in full-picture coordinates; 0 outside.
+    pub fn sample_count(&self, x: u32, y: u32) -> u32 {
+        if self.rect.contains(x, y) { self.counts[self.pixel(x, y)] } else { 0 }
+    }
+
+    /// The largest number of samples of a pixel.
+    pub fn max_sample_count(&self) -> u32 {
+        self.counts.iter().copied().max().unwrap_or(0)
+    }
+
+    #[inline]
+    fn pixel(&self, x: u32, y: u32) -> usize {
+        (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize
+    }
+
+    /// Adds sample `sample_index` of the pixel (x, y) in full-picture coordinates, with its filter weight and one
+    /// value for each channel of the spec in order. Missing values count as 0; a pixel outside of the film is ignored.
+    #[inline]
+    pub fn add_sample(&mut self, x: u32, y: u32, sample_index: u32, weight: f32, values: &[f32]) {
+        debug_assert_eq!(values.len(), self.layout.spec.channels.len());
+        if !self.rect.contains(x, y) {
+            return;
+        }
+        let pixel = self.pixel(x, y);
+        let counters = &mut self.counters;
+        let weight = f64::from(finite_or_zero(weight, counters));
+        let means = &self.layout.means;
+        let sums = &mut self.sums[pixel * means.len()..][..means.len()];
+        let mut rgb = [0.0; 3];
+        for (slot, (sum, &channel)) in sums.iter_mut().zip(means).enumerate() {
+            // A product of two f32 is exact in f64.
+            let value = weight * f64::from(finite_or_zero(values.get(channel).copied().unwrap_or(0.0), counters));
+            let value = limit(value, LIMIT, counters);
+            *sum = sum.wrapping_add((value * SUM_ONE) as i128);
+            if slot < 3 {
+                rgb[slot] = value;
+            }
+        }
+        let luminance = 0.212_671 * rgb[0] + 0.715_16 * rgb[1] + 0.072_169 * rgb[2];
+        let squares = &mut self.squares[pixel * SQUARES..][..SQUARES];
+        for (square, value) in squares.iter_mut().zip([rgb[0], rgb[1], rgb[2], luminance]) {
+            let value = limit(value, SQUARE_LIMIT, counters);
+            *square = square.wrapping_add((value * value * SQUARE_ONE) as i128);
+        }
+        self.weights[pixel] = self.weights[pixel].wrapping_add((limit(weight, LIMIT, counters) * SUM_ONE) as i128);
+        self.counts[pixel] = self.counts[pixel].wrapping_add(1);
+        if !self.layout.firsts.is_empty() {
+            let firsts = self.layout.firsts.iter().map(|&c| values.get(c).copied().unwrap_or(0.0));
+            // Counted whether they stay or not: the counters must not depend on the order either.
+            self.counters.non_finite += firsts.clone().filter(|v| !v.is_finite()).count() as u64;
+            let firsts = firsts.map(|v| if v.is_finite() { v } else { 0.0 });
+            let slots = &mut self.first_values[pixel * self.layout.firsts.len()..][..self.layout.firsts.len()];
+            keep_first(&mut self.first_indices[pixel], slots, sample_index, firsts);
+        }
+    }
+
+    /// Declares that every pixel of `rect` has received its samples `begin..end`.
+    ///
+    /// # Errors
+    /// [`FilmError::Outside`]; [`FilmError::Overlap`] where some are declared already.
+    pub fn mark_held(&mut self, rect: Rect, begin: u32, end: u32) -> Result<(), FilmError> {
+        if !self.rect.contains_rect(&rect) {
+            return Err(FilmError::Outside { inner: rect, outer: self.rect });
+        }
+        let new = HeldSamples { rect, begin, end };
+        self.check_overlap(&new)?;
+        self.held.insert(new, &self.rect);
+        Ok(())
+    }
+
+    fn check_overlap(&self, new: &HeldSamples) -> Result<(), FilmError> {
+        match self.held.find_overlap(new) {
+            Some(old) => Err(FilmError::Overlap {
+                rect: old.rect.intersection(&new.rect),
+                begin: old.begin.max(new.begin),
+                end: old.end.min(new.end),
+            }),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds all samples of `other`, a film of the same spec for the same pixels or for some of them. Exact: any order
+    /// and any grouping of merges gives the same bits. Nothing is changed on error. Cost: one addition for each sum.
+    ///
+    /// # Errors
+    /// [`FilmError::Mismatch`] where spec or origin differ, [`FilmError::Outside`], [`FilmError::Overlap`].
+    pub fn merge(&mut self, other: &Self) -> Result<(), FilmError> {
+        self.check_mergeable(other)?;
+        for &part in other.held.entries() {
+            self.held.insert(part, &self.rect);
+        }
+        self.counters.non_finite += other.counters.non_finite;
+        self.counters.saturated += other.counters.saturated;
+        self.meta.render_ms = self.meta.render_ms.saturating_add(other.meta.render_ms);
+        for (key, value) in &other.meta.notes {
+            self.meta.notes.entry(key.clone()).or_insert_with(|| value.clone());
+        }
+        let width = other.rect.width() as usize;
+        let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
+        for y in other.rect.y0..other.rect.y1 {
+            let (ours, theirs) = (self.pixel(other.rect.x0, y), other.pixel(other.rect.x0, y));
+            add_slices(&mut self.sums[ours * means..], &other.sums[theirs * means..][..width * means]);
+            add_slices(&mut self.squares[ours * SQUARES..], &other.squares[theirs * SQUARES..][..width * SQUARES]);
+            add_slices(&mut self.weights[ours..], &other.weights[theirs..][..width]);
+            for (a, b) in self.counts[ours..].iter_mut().zip(&other.counts[theirs..][..width]) {
+                *a = a.wrapping_add(*b);
+            }
+            if firsts > 0 {
+                for i in 0..width {
+                    let values = other.first_values[(theirs + i) * firsts..][..firsts].iter().copied();
+                    let slots = &mut self.first_values[(ours + i) * firsts..][..firsts];
+                    keep_first(&mut self.first_indices[ours + i], slots, other.first_indices[theirs + i], values);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The checks of [`Film::merge`] alone.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn check_mergeable(&self, other: &Self) -> Result<(), FilmError> {
+        let differ = |what, ours: &dyn std::fmt::Debug, theirs: &dyn std::fmt::Debug| {
+            Err(FilmError::Mismatch { what, ours: format!("{ours:?}"), theirs: format!("{theirs:?}") })
+        };
+        let (a, b) = (self.spec(), other.spec());
+        if [a.width, a.height] != [b.width, b.height] {
+            return differ("size", &[a.width, a.height], &[b.width, b.height]);
+        }
+        if a.crop != b.crop {
+            return differ("crop", &a.crop, &b.crop);
+        }
+        if a.filter != b.filter {
+            return differ("filter", &a.filter, &b.filter);
+        }
+        if a.channels != b.channels {
+            let names = |s: &FilmSpec| s.channels.iter().map(|c| c.name.clone()).collect::<Vec<_>>().join(" ");
+            return differ("channels", &names(a), &names(b));
+        }
+        let (m, n) = (&self.meta, &other.meta);
+        if m.scene_hash != n.scene_hash {
+            return differ("scene", &m.scene_hash, &n.scene_hash);
+        }
+        if m.integrator != n.integrator {
+            return differ("integrator", &m.integrator, &n.integrator);
+        }
+        if m.settings_hash != n.settings_hash {
+            return differ("settings", &m.settings_hash, &n.settings_hash);
+        }
+        if m.seed != n.seed {
+            return differ("seed", &m.seed, &n.seed);
+        }
+        if m.renderer != n.renderer {
+            return differ("renderer version", &m.renderer, &n.renderer);
+        }
+        if !self.rect.contains_rect(&other.rect) {
+            return Err(FilmError::Outside { inner: other.rect, outer: self.rect });
+        }
+        other.held.entries().iter().try_for_each(|part| self.check_overlap(part))
+    }
+}
+
+impl Layout {
+    fn bytes_per_pixel(&self) -> usize {
+        let firsts = if self.firsts.is_empty() { 0 } else { 4 + 4 * self.firsts.len() };
+        16 * (self.means.len() + SQUARES + 1) + 4 + firsts
+    }
+}
+
+#[inline]
+fn finite_or_zero(v: f32, counters: &mut FilmCounters) -> f32 {
+    if v.is_finite() {
+        v
+    } else {
+        counters.non_finite += 1;
+        0.0
+    }
+}
+
+#[inline]
+fn limit(v: f64, limit: f64, counters: &mut FilmCounters) -> f64 {
+    if v.abs() >= limit {
+        counters.saturated += 1;
+        limit.copysign(v)
+    } else {
+        v
+    }
+}
+
+#[inline]
+fn add_slices(a: &mut [i128], b: &[i128]) {
+    for (a, b) in a.iter_mut().zip(b) {
+        *a = a.wrapping_add(*b);
+    }
+}
+
+/// Replaces index and values if the new index is lower. A sample index that comes twice is an error of the caller;
+/// the smaller values win then, so that even this does not depend on the order.
+#[inline]
+fn keep_first(index: &mut u32, slots: &mut [f32], new_index: u32, values: impl Iterator<Item = f32>) {
+    if new_index > *index || new_index == NO_INDEX {
+        return;
+    }
+    let lower = new_index < *index;
+    *index = new_index;
+    for (slot, value) in slots.iter_mut().zip(values) {
+        if lower || value.total_cmp(slot).is_lt() {
+            *slot = value;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,310 @@
+use super::*;
+use crate::film::file::FilmFileError;
+use crate::math::hash::{hash_words, unit_float};
+
+const SIZE: [u32; 2] = [23, 11];
+const SPP: u32 = 12;
+
+fn spec() -> FilmSpec {
+    let mut spec = FilmSpec::new(SIZE[0], SIZE[1]);
+    spec.channels.extend([Channel::mean("albedo.R"), Channel::first("id.object"), Channel::mean("Z")]);
+    spec
+}
+
+/// What a change is called and what it does.
+type Edit<T> = (&'static str, fn(&mut T));
+
+/// Samples of all magnitudes and both signs, some absurd: a pure function of pixel and index, as in a renderer.
+fn sample(x: u32, y: u32, index: u32) -> (f32, [f32; 7]) {
+    let word = |dim: u64| hash_words([u64::from(x), u64::from(y), u64::from(index), dim]);
+    let values = std::array::from_fn(|i| {
+        let w = word(i as u64);
+        let magnitude = f32::from_bits(((w >> 32) as u32 % 120 + 60) << 23);
+        let v = unit_float(w as u32) * magnitude * if w & (1 << 60) == 0 { 1.0 } else { -1.0 };
+        match w % 211 {
+            0 => f32::NAN,
+            1 => f32::INFINITY,
+            2 => -1e38,
+            _ => v,
+        }
+    });
+    (if word(99) % 5 == 0 { -1.37 } else { 1.37 }, values)
+}
+
+fn render(film: &mut Film, rect: Rect, range: std::ops::Range<u32>) {
+    for y in rect.y0..rect.y1 {
+        for x in rect.x0..rect.x1 {
+            for index in range.clone() {
+                let (weight, values) = sample(x, y, index);
+                film.add_sample(x, y, index, weight, &values);
+            }
+        }
+    }
+    film.mark_held(rect, range.start, range.end).unwrap();
+}
+
+fn reference() -> Film {
+    let mut film = Film::new(spec()).unwrap();
+    let rect = film.rect();
+    render(&mut film, rect, 0..SPP);
+    film
+}
+
+/// A sequence of numbers for the random splits below.
+struct Random(u64);
+
+impl Random {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 += 1;
+        (hash_words([self.0]) % n as u64) as usize
+    }
+
+    fn shuffle<T>(&mut self, items: &mut [T]) {
+        for i in (1..items.len()).rev() {
+            items.swap(i, self.below(i + 1));
+        }
+    }
+
+    /// Cuts 0..n into consecutive random ranges.
+    fn cuts(&mut self, n: u32) -> Vec<std::ops::Range<u32>> {
+        let mut at: Vec<u32> = (0..self.below(4)).map(|_| self.below(n as usize) as u32).chain([0, n]).collect();
+        at.sort_unstable();
+        at.dedup();
+        at.windows(2).map(|w| w[0]..w[1]).collect()
+    }
+}
+
+#[test]
+fn any_order_tiling_split_and_grouping_gives_the_same_bits() {
+    let expected = reference();
+    assert!(expected.counters().non_finite > 50 && expected.counters().saturated > 50);
+    for round in 0..40 {
+        let mut random = Random(round * 1000);
+        let mut parts = Vec::new();
+        for ys in random.cuts(SIZE[1]) {
+            for xs in random.cuts(SIZE[0]) {
+                let rect = Rect::new(xs.start, ys.start, xs.end, ys.end);
+                parts.extend(random.cuts(SPP).into_iter().map(|range| (rect, range)));
+            }
+        }
+        random.shuffle(&mut parts);
+        // Tiles go to one of three films ("machines"), which are then merged, some through files.
+        let mut films = [0; 3].map(|_| Film::new(spec()).unwrap());
+        for (rect, range) in parts {
+            let film = &mut films[random.below(3)];
+            let mut tile = film.new_tile(rect).unwrap();
+            render(&mut tile, rect, range);
+            film.merge(&tile).unwrap();
+        }
+        random.shuffle(&mut films);
+        let [mut total, second, third] = films;
+        let mut bytes = Vec::new();
+        second.write_to(&mut bytes).unwrap();
+        total.merge(&Film::from_bytes(&bytes, 1 << 30).unwrap()).unwrap();
+        total.merge(&third).unwrap();
+        assert!(total.held().holds(&HeldSamples { rect: total.rect(), begin: 0, end: SPP }));
+        total.held = expected.held.clone();
+        assert!(total == expected, "round {round} differs");
+        assert_eq!(total.relative_error().to_bits(), expected.relative_error().to_bits());
+    }
+}
+
+#[test]
+fn threads_give_the_same_bits() {
+    use rayon::prelude::*;
+    for threads in [1, 2, 5] {
+        let total = std::sync::Mutex::new(Film::new(spec()).unwrap());
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let empty = Film::new(spec()).unwrap();
+        pool.install(|| {
+            (0..SIZE[1] * SPP).into_par_iter().for_each(|job| {
+                let (y, index) = (job / SPP, job % SPP);
+                let rect = Rect::new(0, y, SIZE[0], y + 1);
+                let mut tile = empty.new_tile(rect).unwrap();
+                render(&mut tile, rect, index..index + 1);
+                total.lock().unwrap().merge(&tile).unwrap();
+            });
+        });
+        assert!(total.into_inner().unwrap() == reference());
+    }
+}
+
+#[test]
+fn sums_mean_variance_and_first_values() {
+    let mut film = Film::new(spec()).unwrap();
+    let lights = [1.0f32, 4.0, 0.25, 2.75];
+    for (i, &v) in lights.iter().enumerate().rev() {
+        film.add_sample(3, 4, i as u32 + 7, 1.0, &[v, 2.0 * v, 0.0, 1.0, 0.5, 100.0 + i as f32, 9.0]);
+    }
+    film.add_sample(100, 4, 0, 1.0, &[1.0; 7]);
+    assert_eq!(film.sample_count(3, 4), 4);
+    let image = film.develop_with(DevelopOptions { variance: true, sample_count: true });
+    let at = |name: &str| image.channel(name).unwrap()[4 * SIZE[0] as usize + 3];
+    assert_eq!([at("R"), at("G"), at("B"), at("A"), at("albedo.R"), at("Z")], [2.0, 4.0, 0.0, 1.0, 0.5, 9.0]);
+    assert_eq!((at("id.object"), at("sampleCount")), (100.0, 4.0));
+    let variance = lights.iter().map(|v| (v - 2.0).powi(2)).sum::<f32>() / 3.0 / 4.0;
+    assert!((at("variance.R") - variance).abs() < 1e-6);
+    assert!((at("variance.G") - 4.0 * variance).abs() < 1e-5);
+    assert!(film.relative_error().is_infinite());
+}
+
+/// The estimate must be what a comparison with the true picture finds, over many pixels.
+#[test]
+fn relative_error_predicts_the_true_one() {
+    let mut film = Film::new(FilmSpec::new(64, 64)).unwrap();
+    for (x, y) in (0..64 * 64).map(|i| (i % 64, i / 64)) {
+        for index in 0..16 {
+            let v = 4.0 * unit_float(hash_words([u64::from(x), u64::from(y), index]) as u32);
+            film.add_sample(x, y, index as u32, 1.0, &[v, v, v, 1.0]);
+        }
+    }
+    let image = film.develop();
+    let error = image.channels[0].data.iter().map(|v| f64::from(v - 2.0).powi(2) / 4.01).sum::<f64>() / 4096.0;
+    assert!((film.relative_error() / error.sqrt() - 1.0).abs() < 0.05, "{} {}", film.relative_error(), error.sqrt());
+}
+
+#[test]
+fn tiny_huge_and_non_finite_values() {
+    let mut film = Film::new(FilmSpec::new(1, 1)).unwrap();
+    film.add_sample(0, 0, 0, 1.0, &[2f32.powi(-64), 2f32.powi(-65), f32::MAX, f32::NAN]);
+    film.add_sample(0, 0, 1, 1.0, &[-1.0, -1.0, f32::NEG_INFINITY, 1.0]);
+    assert_eq!(film.sums, [1 - (1i128 << 64), -(1i128 << 64), 1i128 << 104, 1i128 << 64]);
+    // Blue itself, its square, and the square of the luminance it makes.
+    assert_eq!(film.counters(), FilmCounters { non_finite: 2, saturated: 3 });
+}
+
+#[test]
+fn merge_refuses_what_does_not_belong_together() {
+    let base = reference();
+    let refused = |other: &Film, what: &str| {
+        let mut film = base.clone();
+        let message = film.merge(other).unwrap_err().to_string();
+        assert!(message.contains(what), "{message}");
+        assert!(film == base);
+    };
+    refused(&base, "both films hold samples 0..12");
+    let mut next = Film::new(spec()).unwrap();
+    next.mark_held(Rect::new(20, 9, 23, 11), 11, 14).unwrap();
+    refused(&next, "samples 11..12 of pixels [20, 23) x [9, 11)");
+    let changed: [Edit<FilmMeta>; 5] = [
+        ("seed", |m| m.seed = 1),
+        ("scene", |m| m.scene_hash = "x".into()),
+        ("settings", |m| m.settings_hash = "x".into()),
+        ("integrator", |m| m.integrator = "x".into()),
+        ("renderer", |m| m.renderer = "x".into()),
+    ];
+    for (what, change) in changed {
+        let mut other = Film::new(spec()).unwrap();
+        change(&mut other.meta);
+        refused(&other, what);
+    }
+    let changed: [Edit<FilmSpec>; 4] = [
+        ("filter", |s| s.filter = Filter::BOX),
+        ("size", |s| s.width += 1),
+        ("crop", |s| s.crop.x0 = 1),
+        ("channels", |s| s.channels.truncate(4)),
+    ];
+    for (what, change) in changed {
+        let mut other = spec();
+        change(&mut other);
+        refused(&Film::new(other).unwrap(), what);
+    }
+    let tile = base.new_tile(Rect::new(0, 0, 4, 4)).unwrap();
+    assert!(matches!(tile.clone().merge(&base), Err(FilmError::Outside { .. })));
+    assert!(base.new_tile(Rect::new(20, 0, 24, 4)).is_err());
+    let mut bad = spec();
+    bad.channels[5].name = "R".into();
+    assert!(Film::new(bad).is_err());
+    assert!(Film::new(FilmSpec::new(0, 4)).is_err());
+    assert!(Film::new(FilmSpec::new(u32::MAX, 4)).is_err());
+}
+
+fn bytes_of(film: &Film) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    film.write_to(&mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn file_round_trip_is_exact() {
+    let mut film = reference();
+    film.meta = FilmMeta { scene_hash: "ab".into(), seed: u64::MAX, render_ms: 17, ..FilmMeta::default() };
+    film.meta.notes.insert("scene".into(), "ä.xml".into());
+    let path = std::env::temp_dir().join(format!("etendue-film-{}.film", std::process::id()));
+    film.save(&path).unwrap();
+    let read = Film::load(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    assert!(read == film);
+    assert_eq!(bytes_of(&read), bytes_of(&film));
+    // More pixels than a block, and no first channels.
+    let mut large = Film::new(FilmSpec::new(97, 91)).unwrap();
+    for i in 0..97 * 91 {
+        large.add_sample(i % 97, i / 97, 0, 1.0, &[i as f32; 4]);
+    }
+    assert!(Film::from_bytes(&bytes_of(&large), 1 << 30).unwrap() == large);
+}
+
+#[test]
+fn truncated_and_damaged_files_are_errors() {
+    let bytes = bytes_of(&reference());
+    for length in (0..bytes.len()).step_by(64).chain([bytes.len() - 1]) {
+        let error = Film::from_bytes(&bytes[..length], 1 << 30).unwrap_err();
+        assert!(matches!(error, FilmFileError::Truncated(_)), "{length}: {error}");
+    }
+    for at in (0..bytes.len()).step_by(61) {
+        let mut damaged = bytes.clone();
+        damaged[at] ^= 0x10;
+        assert!(Film::from_bytes(&damaged, 1 << 30).is_err(), "byte {at}");
+    }
+    let mut longer = bytes.clone();
+    longer.push(0);
+    assert!(Film::from_bytes(&longer, 1 << 30).is_err());
+}
+
+/// A file with this header and consistent checksums, followed by `body`.
+fn forge(header: &str, body: &[u8]) -> Vec<u8> {
+    let mut bytes = b"ETNDFILM\x01\0\0\0".to_vec();
+    bytes.extend((header.len() as u32).to_le_bytes());
+    bytes.extend(crc32fast::hash(header.as_bytes()).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    bytes.extend(body);
+    bytes
+}
+
+#[test]
+fn hostile_headers_are_errors_before_memory() {
+    let bytes = bytes_of(&reference());
+    let length = u32::from_le_bytes(bytes[12..16].try_into().unwrap()) as usize;
+    let header = std::str::from_utf8(&bytes[20..20 + length]).unwrap();
+    let body = &bytes[20 + length..];
+    assert!(Film::from_bytes(&forge(header, body), 1 << 30).is_ok());
+    assert!(matches!(Film::from_bytes(&bytes, 1000), Err(FilmFileError::TooLarge { .. })));
+    let edits = [
+        ("\"width\":23", "\"width\":4294967295"),
+        ("\"width\":23", "\"width\":-1"),
+        ("\"width\":23", "\"width\":0"),
+        ("\"x1\":23,\"y1\":11}", "\"x1\":1048576,\"y1\":1048576}"),
+        ("\"x1\":23", "\"x1\":24"),
+        ("\"stddev\":0.5", "\"stddev\":1e30"),
+        ("\"stddev\":0.5", "\"stddev\":null"),
+        ("\"name\":\"R\"", "\"name\":\"Q\""),
+        ("\"name\":\"Z\"", "\"name\":\"A\""),
+        ("\"begin\":0", "\"begin\":12"),
+        ("\"end\":12", "\"end\":-12"),
+        ("\"spec\"", "\"unknown\":1,\"spec\""),
+        ("{", "["),
+    ];
+    for (from, to) in edits {
+        assert!(header.contains(from), "{from} not in {header}");
+        assert!(Film::from_bytes(&forge(&header.replace(from, to), body), 1 << 40).is_err(), "{from} -> {to}");
+    }
+    // A million times a million pixels in a file of a few hundred bytes.
+    let huge = header.replace("\"width\":23,\"height\":11", "\"width\":1048576,\"height\":1048576");
+    let huge = huge.replace("\"x1\":23,\"y1\":11", "\"x1\":1048576,\"y1\":1048576");
+    assert!(matches!(Film::from_bytes(&forge(&huge, body), u64::MAX), Err(FilmFileError::Truncated(_) | FilmFileError::Damaged(_))));
+    let mut later = bytes.clone();
+    later[8] = 2;
+    assert!(matches!(Film::from_bytes(&later, 1 << 30), Err(FilmFileError::Version(2))));
+    let deep = "[".repeat(100_000);
+    assert!(Film::from_bytes(&forge(&deep, &[]), 1 << 30).is_err());
+}

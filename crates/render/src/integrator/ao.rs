@@ -1,0 +1,34 @@
+//! Ambient occlusion: the cosine-weighted share of the hemisphere in which nothing is near.
+
+use super::path::first_hit;
+use super::{Estimate, Integrator};
+use crate::accel::Ray;
+use crate::camera::CameraRay;
+use crate::math::{Frame, warp};
+use crate::sampler::SampleStream;
+use crate::scene::Scene;
+use crate::spectrum::Spectrum;
+
+/// White surfaces under a white sky of the given reach. It knows no lights and no materials.
+#[derive(Clone, Copy, Debug)]
+pub struct AmbientOcclusion {
+    /// What is farther does not occlude.
+    pub distance: f32,
+}
+
+impl Integrator for AmbientOcclusion {
+    fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+        let u = stream.next_2d();
+        let Some(s) = scene.intersect(&camera_ray.ray) else { return };
+        let wo = -camera_ray.ray.d;
+        first_hit(scene, &s, wo, &scene.materials[s.material as usize].shade(scene, &s, wo), s.t, out);
+        let n = if s.frame.n.dot(wo) < 0.0 { -s.frame.n } else { s.frame.n };
+        let d = Frame::from_normal(n).world_from_local(warp::cosine_hemisphere(u));
+        // Directions of the shading hemisphere that go into the surface are occluded by it.
+        let outside = s.ng.dot(d) * s.ng.dot(wo) > 0.0;
+        let ray = Ray { t_max: self.distance, ..Ray::new(s.offset_origin(d), d) };
+        if outside && !scene.accel.occluded(&ray) {
+            out.add(Spectrum::from_rgb([1.0; 3]), 0);
+        }
+    }
+}

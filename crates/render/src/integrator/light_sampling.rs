@@ -1,0 +1,99 @@
+//! Next-event estimation: light that reaches a point straight from a light, and the densities that weigh it against
+//! directions from the BSDF.
+
+use crate::accel::Ray;
+use crate::light::{LightContext, LightSample};
+use crate::math::Vec3;
+use crate::sampler::SampleStream;
+use crate::scene::{Scene, Surface};
+use crate::spectrum::Spectrum;
+
+/// Light rays stop this much (relative) before the light, so as not to meet it.
+const SHADOW_END: f32 = 1.0 - 1e-4;
+/// Surfaces that light may cross straight on between two points.
+const MAX_CROSSINGS: u32 = 256;
+
+/// A light chosen and sampled.
+pub(super) struct Direct {
+    /// Toward the light.
+    pub sample: LightSample,
+    /// Radiance over the density of choosing the light: without the density of the direction.
+    pub radiance: Spectrum,
+    /// Density per solid angle, of choosing the light included.
+    pub pdf: f32,
+    /// Light group.
+    pub group: u32,
+}
+
+/// The context of a surface point for light sampling.
+#[inline]
+pub(super) fn context(s: &Surface) -> LightContext {
+    LightContext { p: s.p, n: s.frame.n }
+}
+
+/// Chooses one light for a point and samples it; always draws three numbers.
+#[inline]
+pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
+    let (u_light, u) = (stream.next_1d(), stream.next_2d());
+    let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
+    let sample = scene.lights[index as usize].sample(ctx, u)?;
+    let radiance = scene.light_radiance(index, &sample);
+    let pdf = sample.pdf * pmf;
+    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
+}
+
+/// The share of light that passes between a surface point and a light sample.
+#[inline]
+pub(super) fn visibility(scene: &Scene, from: &Surface, sample: &LightSample) -> Spectrum {
+    let o = from.offset_origin(sample.wi);
+    // Aim at the light's point from where the ray really starts.
+    let (d, t_max) = if sample.dist.is_finite() {
+        let to = sample.p - o;
+        let dist = to.length();
+        (to / dist, dist * SHADOW_END)
+    } else {
+        (sample.wi, f32::INFINITY)
+    };
+    let ray = Ray { o, d, t_min: 0.0, t_max };
+    if scene.has_null {
+        transmittance(scene, ray)
+    } else if scene.accel.occluded(&ray) {
+        Spectrum::ZERO
+    } else {
+        Spectrum::ONE
+    }
+}
+
+/// The share of light that passes straight along a ray through surfaces that let it.
+fn transmittance(scene: &Scene, mut ray: Ray) -> Spectrum {
+    let mut through = Spectrum::ONE;
+    for _ in 0..MAX_CROSSINGS {
+        let Some(hit) = scene.accel.intersect(&ray) else { return through };
+        if !scene.hit_material(&hit).has_null {
+            return Spectrum::ZERO;
+        }
+        let s = scene.surface(&ray, &hit);
+        through *= scene.materials[s.material as usize].shade(scene, &s, -ray.d).null_transmittance(-ray.d);
+        if through.is_black() {
+            return Spectrum::ZERO;
+        }
+        let o = s.offset_origin(ray.d);
+        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - hit.t, ..ray };
+    }
+    Spectrum::ZERO
+}
+
+/// The density with which [`sample_one`] would have sampled a surface point of a light from a context: that of choosing the
+/// light times that of the direction.
+#[inline]
+pub(super) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Surface) -> f32 {
+    let pmf = scene.light_sampler.pmf(ctx, light);
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_hit(ctx, s.p, s.ng) } else { 0.0 }
+}
+
+/// The same for a light that surrounds the scene.
+#[inline]
+pub(super) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
+    let pmf = scene.light_sampler.pmf(ctx, light);
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
+}

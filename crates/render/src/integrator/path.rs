@@ -1,0 +1,167 @@
+//! Path tracing (Kajiya 1986, doi:10.1145/15922.15902) with next-event estimation, multiple importance sampling (Veach 1997,
+//! chapter 9) and Russian roulette.
+//!
+//! Unbiased for everything that paths from the camera can find. It is slow on light that reaches diffuse surfaces through
+//! small mirrors and refractors (caustics of small lights) and cannot see point lights through glass.
+//!
+//! Surfaces that let light straight through (masks, thin panes) do not end the search for lights: shadow rays cross them, and
+//! a path that crosses one keeps the density of its last real scattering for the weights.
+
+use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::{Estimate, FirstHit, Integrator};
+use crate::accel::Ray;
+use crate::bsdf::{Lobe, TransportMode};
+use crate::camera::CameraRay;
+use crate::light::LightContext;
+use crate::material::Scatter;
+use crate::math::warp::power_heuristic;
+use crate::math::{Vec3, fns};
+use crate::sampler::SampleStream;
+use crate::scene::geometry::NONE;
+use crate::scene::{Scene, Surface};
+use crate::spectrum::Spectrum;
+
+/// A path that only ever crosses surfaces straight on ends after so many of them.
+const MAX_CROSSINGS: u32 = 1024;
+
+/// The path tracer.
+#[derive(Clone, Copy, Debug)]
+pub struct Path {
+    /// Longest path in scattering events: 0 shows lights only, 1 direct light.
+    pub max_depth: u32,
+    /// Scattering events after which Russian roulette may end a path.
+    pub rr_depth: u32,
+}
+
+/// The last real scattering, which the weights of the light found next refer to.
+struct Vertex {
+    ctx: LightContext,
+    /// Density of the direction; infinite for the camera and for delta lobes.
+    pdf: f32,
+}
+
+impl Integrator for Path {
+    fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+        let mut ray = camera_ray.ray;
+        let mut throughput = Spectrum::splat(camera_ray.weight);
+        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY };
+        let (mut depth, mut crossings) = (0, 0);
+        // Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
+        let mut eta_scale = 1.0f32;
+        let mut medium = NONE;
+        let mut camera_distance = 0.0;
+        loop {
+            let Some(s) = scene.intersect(&ray) else {
+                add_infinite(scene, ray.d, throughput, &last, depth, out);
+                return;
+            };
+            if medium != NONE {
+                throughput *= scene.media[medium as usize].transmittance(s.t);
+            }
+            let wo = -ray.d;
+            add_emission(scene, &s, wo, throughput, &last, depth, out);
+            let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
+            if depth == 0 {
+                camera_distance += s.t;
+                first_hit(scene, &s, wo, &scatter, camera_distance, out);
+            }
+            if depth >= self.max_depth {
+                return;
+            }
+            let ctx = context(&s);
+            let direct = sample_one(scene, &ctx, stream);
+            if let Some(direct) = direct.filter(|_| scatter.is_smooth_anywhere()) {
+                let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
+                if !f.is_black() {
+                    let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
+                    let unshadowed = throughput * f * direct.radiance * (weight / direct.pdf);
+                    let visible = visibility(scene, &s, &direct.sample);
+                    if !visible.is_black() {
+                        out.add(unshadowed * visible, direct.group);
+                    }
+                }
+            }
+            let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
+            let u_roulette = stream.next_1d();
+            let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
+            throughput *= sample.value / sample.pdf;
+            if throughput.is_black() {
+                return;
+            }
+            if sample.lobe.contains(Lobe::TRANSMISSION) {
+                medium = if sample.wi.dot(s.ng) < 0.0 { s.object(scene).interior } else { NONE };
+            }
+            let o = s.offset_origin(sample.wi);
+            ray = Ray::new(o, sample.wi);
+            if sample.lobe.contains(Lobe::NULL) {
+                crossings += 1;
+                if crossings > MAX_CROSSINGS {
+                    return;
+                }
+                continue;
+            }
+            depth += 1;
+            eta_scale *= fns::sqr(sample.eta);
+            let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
+            last = Vertex { ctx, pdf };
+            if depth >= self.rr_depth {
+                let survive = (throughput.max_component() * eta_scale).min(0.95);
+                if u_roulette >= survive {
+                    return;
+                }
+                throughput /= survive;
+            }
+        }
+    }
+}
+
+/// Light that the surface itself sends back along the ray.
+#[inline]
+fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
+    let Some(emission) = &s.object(scene).emission else { return };
+    if depth == 0 && scene.hide_lights {
+        return;
+    }
+    let radiance = scene.emitted(s, wo);
+    if radiance.is_black() {
+        return;
+    }
+    let weight = match s.light(scene) {
+        Some(light) if last.pdf.is_finite() => power_heuristic(last.pdf, pdf_surface(scene, &last.ctx, light, s)),
+        _ => 1.0,
+    };
+    out.add(throughput * radiance * weight, emission.group);
+}
+
+/// Light from beyond the scene.
+#[inline]
+fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
+    if depth == 0 && scene.hide_lights {
+        return;
+    }
+    for &light in &scene.infinite_lights {
+        let radiance = scene.lights[light as usize].escaped(d);
+        if !radiance.is_black() {
+            let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
+            out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
+        }
+    }
+}
+
+/// Records what the camera sees, once: behind surfaces that are not there at all, but not behind panes.
+pub(super) fn first_hit(scene: &Scene, s: &Surface, wo: Vec3, scatter: &Scatter, depth: f32, out: &mut Estimate) {
+    if out.first.is_some() {
+        return;
+    }
+    out.alpha = 1.0;
+    let ns = s.frame.n;
+    out.first = Some(FirstHit {
+        p: s.p,
+        ns: if ns.dot(wo) < 0.0 { -ns } else { ns },
+        uv: s.uv,
+        depth,
+        albedo: scatter.albedo(wo),
+        object: s.object(scene).id,
+        material: s.material + 1,
+    });
+}

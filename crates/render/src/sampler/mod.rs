@@ -1,0 +1,195 @@
+//! Random numbers as a function of (seed, pixel, sample index, dimension).
+//!
+//! There is no state that threads could share or reorder: a pixel's n-th sample is the same whoever renders it. A
+//! [`Sampler`] is a choice of sequence; [`Sampler::stream`] gives the numbers of one sample in the order in which a
+//! path asks for them.
+
+mod halton;
+mod sobol;
+mod stratified;
+
+use crate::math::hash::{hash_words, mix32, unit_float};
+use crate::math::{ONE_MINUS_EPSILON, Vec2};
+
+/// Which sequence the numbers come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SamplerKind {
+    /// Owen-scrambled Sobol' pairs, shuffled for each dimension: the default.
+    #[default]
+    Sobol,
+    /// Independent pseudo-random numbers.
+    Independent,
+    /// Correlated multi-jittered strata; wants to know the number of samples.
+    Stratified,
+    /// Halton's sequence with scrambled digits in the first dimensions, independent numbers beyond.
+    Halton,
+}
+
+impl SamplerKind {
+    /// By the name that the user types; `None` where there is no such sampler.
+    pub fn from_name(name: &str) -> Option<Self> {
+        Some(match name {
+            "sobol" => Self::Sobol,
+            "independent" => Self::Independent,
+            "stratified" => Self::Stratified,
+            "halton" => Self::Halton,
+            _ => return None,
+        })
+    }
+}
+
+/// A sequence with its seed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sampler {
+    /// Which sequence.
+    pub kind: SamplerKind,
+    /// Selects one of 2⁶⁴ randomizations.
+    pub seed: u64,
+    /// Samples per pixel that are planned; only the stratified sequence uses it.
+    pub spp: u32,
+}
+
+impl Sampler {
+    /// The numbers of one sample of one pixel.
+    #[inline]
+    pub fn stream(&self, x: u32, y: u32, index: u32) -> SampleStream {
+        let pixel = hash_words([self.seed, u64::from(x) << 32 | u64::from(y)]);
+        SampleStream { kind: self.kind, spp: self.spp, pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
+    }
+}
+
+/// The numbers of one sample, in [0, 1), one dimension after the other.
+#[derive(Clone, Copy, Debug)]
+pub struct SampleStream {
+    kind: SamplerKind,
+    spp: u32,
+    pixel: [u32; 2],
+    index: u32,
+    dimension: u32,
+}
+
+impl SampleStream {
+    /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
+    #[inline]
+    fn dimension_hash(&self) -> [u32; 2] {
+        let a = mix32(self.pixel[0] ^ self.dimension.wrapping_mul(0x9e37_79b9));
+        [a, mix32(self.pixel[1] ^ a)]
+    }
+
+    /// The next number.
+    #[inline]
+    pub fn next_1d(&mut self) -> f32 {
+        let [a, b] = self.dimension_hash();
+        let v = match self.kind {
+            SamplerKind::Sobol => sobol::sample_1d(self.index, a, b),
+            SamplerKind::Independent => unit_float(mix32(a ^ mix32(b ^ self.index))),
+            SamplerKind::Stratified => stratified::sample_1d(self.index, self.spp, a),
+            SamplerKind::Halton => halton::sample(self.index, self.dimension, a),
+        };
+        self.dimension += 1;
+        v.min(ONE_MINUS_EPSILON)
+    }
+
+    /// The next pair, well distributed as a pair.
+    #[inline]
+    pub fn next_2d(&mut self) -> Vec2 {
+        let [a, b] = self.dimension_hash();
+        let v = match self.kind {
+            SamplerKind::Sobol => sobol::sample_2d(self.index, a, b),
+            SamplerKind::Independent => {
+                let h = mix32(a ^ mix32(b ^ self.index));
+                Vec2::new(unit_float(h), unit_float(mix32(h ^ 0x68e3_1da4)))
+            }
+            SamplerKind::Stratified => stratified::sample_2d(self.index, self.spp, a),
+            SamplerKind::Halton => {
+                Vec2::new(halton::sample(self.index, self.dimension, a), halton::sample(self.index, self.dimension + 1, b))
+            }
+        };
+        self.dimension += 2;
+        v.min(Vec2::splat(ONE_MINUS_EPSILON))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const KINDS: [SamplerKind; 4] = [SamplerKind::Sobol, SamplerKind::Independent, SamplerKind::Stratified, SamplerKind::Halton];
+
+    #[test]
+    fn numbers_are_uniform_within_pixels_and_across_them() {
+        for kind in KINDS {
+            for seed in [0, 7] {
+                let sampler = Sampler { kind, seed, spp: 256 };
+                // Per pixel over samples, and over pixels at one sample, in a low and a high dimension.
+                for skip in [0, 40] {
+                    let mut sums = [0.0f64; 2];
+                    for i in 0..4096u32 {
+                        let (pixel, index) = if skip == 0 { (3, i) } else { (i, 5) };
+                        let mut s = sampler.stream(pixel, 11, index);
+                        for _ in 0..skip {
+                            s.next_1d();
+                        }
+                        let u = s.next_2d();
+                        assert!((0.0..1.0).contains(&u.x) && (0.0..1.0).contains(&u.y), "{kind:?} {u}");
+                        sums[0] += f64::from(u.x);
+                        sums[1] += f64::from(u.x * u.y);
+                    }
+                    // Six standard errors of independent numbers.
+                    assert!((sums[0] / 4096.0 - 0.5).abs() < 6.0 * 0.29 / 64.0, "{kind:?} {sums:?}");
+                    assert!((sums[1] / 4096.0 - 0.25).abs() < 6.0 * 0.22 / 64.0, "{kind:?} {sums:?}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn sobol_pairs_are_a_zero_two_net_in_every_dimension() {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 3, spp: 64 };
+        for skip in 0..6 {
+            // Elementary intervals of 64 points: each of 64 cells of every shape holds exactly one.
+            for log_w in 0..=6u32 {
+                let mut seen = [false; 64];
+                for i in 0..64 {
+                    let mut s = sampler.stream(9, 2, i);
+                    for _ in 0..skip {
+                        s.next_2d();
+                    }
+                    let u = s.next_2d();
+                    let (w, h) = ((1u32 << log_w) as f32, (64u32 >> log_w) as f32);
+                    let cell = (u.x * w) as usize + (u.y * h) as usize * w as usize;
+                    assert!(!std::mem::replace(&mut seen[cell], true), "dimension pair {skip}, cells {w} x {h}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn stratified_samples_fall_into_their_strata() {
+        for spp in [16, 17, 64] {
+            let sampler = Sampler { kind: SamplerKind::Stratified, seed: 1, spp };
+            let mut seen = vec![false; spp as usize];
+            for i in 0..spp {
+                let u = sampler.stream(0, 0, i).next_1d();
+                assert!(!std::mem::replace(&mut seen[(u * spp as f32) as usize], true), "{spp}");
+            }
+        }
+    }
+
+    #[test]
+    fn dimensions_are_uncorrelated() {
+        for kind in KINDS {
+            let sampler = Sampler { kind, seed: 5, spp: 1024 };
+            let mut sum = [0.0f64; 3];
+            for i in 0..1024 {
+                let mut s = sampler.stream(4, 4, i);
+                let (a, b) = (s.next_2d(), s.next_2d());
+                let c = s.next_1d();
+                sum[0] += f64::from((a.x - 0.5) * (b.x - 0.5));
+                sum[1] += f64::from((a.y - 0.5) * (b.y - 0.5));
+                sum[2] += f64::from((a.x - 0.5) * (c - 0.5));
+            }
+            assert!(sum.iter().all(|s| (s / 1024.0).abs() < 5.0 / 12.0 / 32.0), "{kind:?} {sum:?}");
+        }
+    }
+}

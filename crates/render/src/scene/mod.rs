@@ -1,0 +1,127 @@
+//! The compiled scene: flat arrays that no one changes after [`compile`].
+
+mod compile;
+pub mod geometry;
+mod names;
+pub mod surface;
+
+pub use compile::compile;
+pub use names::Names;
+pub use surface::Surface;
+
+use etendue_scene::desc::{Color, Param, Scalar, TextureId};
+
+use crate::accel::{Accel, Hit, Ray};
+use crate::camera::Camera;
+use crate::light::{Light, LightSample, LightSampler};
+use crate::material::Material;
+use crate::math::{Aabb, Vec3};
+use crate::spectrum::Spectrum;
+use crate::texture::Texture;
+use geometry::{Geometry, Placement};
+
+/// The primitive that an area light is made of; all of them are in the world's geometry.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSource {
+    /// Object in the world's geometry.
+    pub object: u32,
+    /// Primitive in the world's geometry.
+    pub primitive: u32,
+}
+
+/// Everything that an integrator looks at. `Send + Sync`, immutable.
+pub struct Scene {
+    /// What hierarchies were built from: the first is the world, the others are instanced groups.
+    pub geometries: Vec<Geometry>,
+    /// Placed geometries; a hit's `instance` is an index here.
+    pub placements: Vec<Placement>,
+    /// The hierarchy.
+    pub accel: Accel,
+    /// Materials; the index is the description's `BsdfId`, and the last one is the default.
+    pub materials: Vec<Material>,
+    /// Textures; the index is the description's `TextureId`.
+    pub textures: Vec<Texture>,
+    /// All lights.
+    pub lights: Vec<Light>,
+    /// What each area light is part of: its light's `emission_id` is an index here.
+    pub light_sources: Vec<LightSource>,
+    /// Light group of each light.
+    pub light_groups: Vec<u32>,
+    /// Names of the light groups; the first is the unnamed one.
+    pub group_names: Vec<String>,
+    /// Lights that surround the scene: indices into `lights`.
+    pub infinite_lights: Vec<u32>,
+    /// Chooses lights for next-event estimation.
+    pub light_sampler: LightSampler,
+    /// Media: the index is the description's `MediumId`.
+    pub media: Vec<crate::medium::Medium>,
+    /// The camera.
+    pub camera: Camera,
+    /// Box of all bounded geometry.
+    pub bounds: Aabb,
+    /// Whether any material lets light straight through, so that shadow rays must look.
+    pub has_null: bool,
+    /// Lights do not show where the camera looks at them.
+    pub hide_lights: bool,
+}
+
+impl Scene {
+    /// A texture by its id.
+    #[inline]
+    pub fn texture(&self, id: TextureId) -> &Texture {
+        &self.textures[id.0 as usize]
+    }
+
+    /// The color of a parameter at a surface point.
+    #[inline]
+    pub fn color(&self, param: &Color, s: &Surface) -> Spectrum {
+        match param {
+            Param::Constant(c) => Spectrum::from_rgb(*c),
+            Param::Texture(id) => self.texture(*id).color(self, s),
+        }
+    }
+
+    /// The number of a parameter at a surface point.
+    #[inline]
+    pub fn scalar(&self, param: &Scalar, s: &Surface) -> f32 {
+        match param {
+            Param::Constant(v) => *v,
+            Param::Texture(id) => self.texture(*id).scalar(self, s),
+        }
+    }
+
+    /// The surface that a ray hits first.
+    #[inline]
+    pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
+        self.accel.intersect(ray).map(|hit| self.surface(ray, &hit))
+    }
+
+    /// Radiance of a light sample: textured emission is looked up where the sample is.
+    #[inline]
+    pub fn light_radiance(&self, light: u32, sample: &LightSample) -> Spectrum {
+        match &self.lights[light as usize] {
+            Light::Area(area) if area.textured => {
+                let source = self.light_sources[area.emission_id as usize];
+                let hit = Hit { t: 0.0, u: sample.uv.x, v: sample.uv.y, prim: source.primitive, instance: 0 };
+                let ray = Ray::new(sample.p, sample.wi);
+                self.emitted(&self.surface(&ray, &hit), -sample.wi)
+            }
+            _ => sample.radiance,
+        }
+    }
+
+    /// The material of what a ray hit.
+    #[inline]
+    pub fn hit_material(&self, hit: &Hit) -> &Material {
+        let g = &self.geometries[self.placements[hit.instance as usize].geometry as usize];
+        &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
+    }
+
+    /// Radiance that a surface emits along `wo` (world space), without the light that falls on it.
+    pub fn emitted(&self, s: &Surface, wo: Vec3) -> Spectrum {
+        match &s.object(self).emission {
+            Some(e) if e.two_sided || s.ng.dot(wo) > 0.0 => self.color(&e.radiance, s),
+            _ => Spectrum::ZERO,
+        }
+    }
+}

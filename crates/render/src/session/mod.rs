@@ -1,0 +1,301 @@
+//! Sessions: the only place that knows time, threads, progress, cancelling and checkpoints.
+//!
+//! A session hands out work as (tile, range of sample indices), fills small films and merges them into one. The pixels do
+//! not depend on how the work was split: each sample is a function of (seed, pixel, index) and film sums are exact.
+
+mod channels;
+pub mod job;
+
+pub use channels::{Aov, film_channels};
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
+use crate::integrator::{Estimate, Integrator};
+use crate::math::Vec2;
+use crate::sampler::Sampler;
+use crate::scene::Scene;
+
+/// Edge of a tile in pixels.
+const TILE: u32 = 32;
+/// The longest pass in samples per pixel: short enough for a live picture and a prompt stop.
+const PASS_LIMIT: u32 = 16;
+
+/// When to stop. Whatever comes first.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Stop {
+    /// Samples per pixel; `None`: until another rule stops.
+    pub spp: Option<u32>,
+    /// Time from the start of the rendering.
+    pub time: Option<Duration>,
+    /// Relative error as in [`Film::relative_error`].
+    pub noise: Option<f64>,
+}
+
+/// Why a session stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reason {
+    /// All samples are done.
+    Samples,
+    /// The time is over.
+    Time,
+    /// The error is small enough.
+    Noise,
+    /// Someone asked for it.
+    Cancelled,
+}
+
+/// How far a session is.
+#[derive(Clone, Copy, Debug)]
+pub struct Status {
+    /// Samples per pixel that are complete everywhere.
+    pub spp_done: u32,
+    /// Samples per pixel that are planned, if that is known.
+    pub spp_target: Option<u32>,
+    /// Done share in [0, 1] by whichever rule will stop first.
+    pub fraction: f64,
+    /// Time since the start.
+    pub elapsed: Duration,
+    /// Estimated relative error, known after each pass.
+    pub relative_error: Option<f64>,
+}
+
+/// Asks a session to stop; clones ask the same session.
+#[derive(Clone, Debug, Default)]
+pub struct Cancel(Arc<AtomicBool>);
+
+impl Cancel {
+    /// Asks to stop after the tiles in work.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether someone has asked.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// What watches a session.
+pub trait Observer: Send + Sync {
+    /// Called after tiles and passes, from any thread, one call at a time.
+    fn status(&self, _status: &Status) {}
+    /// Called after each pass with the film as it is: for previews and checkpoints.
+    fn pass(&self, _film: &Film, _status: &Status) {}
+}
+
+/// An observer that does nothing.
+pub struct Silent;
+impl Observer for Silent {}
+
+/// A scene, how to sample it, and the film it goes to.
+pub struct Session {
+    scene: Arc<Scene>,
+    integrator: Box<dyn Integrator>,
+    sampler: Sampler,
+    filter: FilterSampler,
+    aovs: Vec<Aov>,
+    first_sample: u32,
+    film: Film,
+}
+
+impl Session {
+    /// A session that starts with an empty film of the given size, crop and filter; its channels are those of the AOVs and the
+    /// scene's light groups.
+    ///
+    /// # Errors
+    /// [`FilmError`] for an impossible spec.
+    pub fn new(
+        scene: Arc<Scene>,
+        integrator: Box<dyn Integrator>,
+        sampler: Sampler,
+        mut spec: FilmSpec,
+        aovs: Vec<Aov>,
+        meta: FilmMeta,
+    ) -> Result<Self, FilmError> {
+        spec.channels = film_channels(&aovs, &scene.group_names);
+        let filter = FilterSampler::new(spec.filter);
+        let mut film = Film::new(spec)?;
+        film.meta = meta;
+        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film })
+    }
+
+    /// Names the scene in the film, so that films of other scenes are refused.
+    pub fn set_scene_hash(&mut self, hash: String) {
+        self.film.meta.scene_hash = hash;
+    }
+
+    /// Lets sample indices start later, for a part of a picture that is merged afterwards.
+    pub fn set_first_sample(&mut self, index: u32) {
+        self.first_sample = index;
+    }
+
+    /// Goes on from a film that an earlier session of the same scene and settings has left.
+    ///
+    /// # Errors
+    /// [`FilmError`] where the film belongs to another scene or other settings.
+    pub fn resume(&mut self, film: &Film) -> Result<(), FilmError> {
+        self.film.merge(film)
+    }
+
+    /// The film as it is.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// The film, at the end.
+    pub fn into_film(self) -> Film {
+        self.film
+    }
+
+    /// Renders until a rule stops or someone cancels, with the threads of the current rayon pool.
+    ///
+    /// # Errors
+    /// [`FilmError`] where the film cannot take the samples, which would be a fault of ours.
+    pub fn render(&mut self, stop: &Stop, cancel: &Cancel, observer: &dyn Observer) -> Result<Reason, FilmError> {
+        let start = Instant::now();
+        let first = self.first_sample;
+        let end = stop.spp.map_or(u32::MAX, |n| first.saturating_add(n));
+        let tiles = tiles(self.film.rect());
+        let mut begin = first;
+        let mut reason = Reason::Samples;
+        while begin < end {
+            // 1, 1, 2, 4, 8, 16, 16 …: a picture early, then few passes. Boundaries do not depend on the time.
+            let done = begin - first;
+            let pass_end = begin.saturating_add(done.clamp(1, PASS_LIMIT)).min(end);
+            let complete = self.pass(&tiles, begin, pass_end, start, stop, cancel, observer)?;
+            if !complete {
+                reason = if cancel.is_cancelled() { Reason::Cancelled } else { Reason::Time };
+                break;
+            }
+            begin = pass_end;
+            // Two samples say nothing about an error; a few dozen say enough.
+            let relative_error = (begin - first >= 16).then(|| self.film.relative_error());
+            let mut status = self.status(begin - first, start.elapsed(), stop);
+            status.relative_error = relative_error;
+            observer.status(&status);
+            observer.pass(&self.film, &status);
+            if stop.noise.zip(relative_error).is_some_and(|(goal, error)| error <= goal) {
+                reason = Reason::Noise;
+                break;
+            }
+            if stop.time.is_some_and(|t| start.elapsed() >= t) && begin < end {
+                reason = Reason::Time;
+                break;
+            }
+        }
+        self.film.meta.render_ms += start.elapsed().as_millis() as u64;
+        Ok(reason)
+    }
+
+    fn status(&self, spp_done: u32, elapsed: Duration, stop: &Stop) -> Status {
+        let by_time = stop.time.map_or(0.0, |t| elapsed.as_secs_f64() / t.as_secs_f64().max(1e-9));
+        let by_spp = stop.spp.map_or(0.0, |n| f64::from(spp_done) / f64::from(n.max(1)));
+        Status { spp_done, spp_target: stop.spp, fraction: by_time.max(by_spp).min(1.0), elapsed, relative_error: None }
+    }
+
+    /// One pass over all tiles; false where it was cut short.
+    #[expect(clippy::too_many_arguments, reason = "private; all of it belongs to one loop")]
+    fn pass(
+        &mut self,
+        tiles: &[Rect],
+        begin: u32,
+        end: u32,
+        start: Instant,
+        stop: &Stop,
+        cancel: &Cancel,
+        observer: &dyn Observer,
+    ) -> Result<bool, FilmError> {
+        // Workers fill tiles of their own and hand them over under a lock that is held briefly.
+        let stand_in = self.film.new_tile(tiles[0])?;
+        let film = Mutex::new((std::mem::replace(&mut self.film, stand_in), 0usize, Ok(())));
+        let this: &Self = self;
+        tiles.par_iter().with_max_len(1).for_each(|&rect| {
+            // The first pass is never cut by time: a picture without holes is worth more than a punctual one.
+            let out_of_time = begin > this.first_sample && stop.time.is_some_and(|t| start.elapsed() >= t);
+            if cancel.is_cancelled() || out_of_time {
+                return;
+            }
+            let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
+            let missing = missing(&lock().0, rect, begin, end);
+            for (a, b) in missing {
+                let Ok(mut tile) = lock().0.new_tile(rect) else { return };
+                this.render_tile(&mut tile, rect, a, b);
+                let mut guard = lock();
+                let (film, _, result) = &mut *guard;
+                if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(&tile)) {
+                    *result = Err(e);
+                }
+            }
+            let mut guard = lock();
+            guard.1 += 1;
+            let share = f64::from(end - begin) * guard.1 as f64 / tiles.len() as f64;
+            let mut status = this.status(begin - this.first_sample, start.elapsed(), stop);
+            if let Some(n) = stop.spp {
+                let by_spp = (f64::from(begin - this.first_sample) + share) / f64::from(n.max(1));
+                status.fraction = status.fraction.max(by_spp).min(1.0);
+            }
+            observer.status(&status);
+        });
+        let (film, done, result) = film.into_inner().unwrap_or_else(PoisonError::into_inner);
+        self.film = film;
+        result.map(|()| done == tiles.len())
+    }
+
+    fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
+        let mut estimate = Estimate::default();
+        let mut values = Vec::new();
+        for y in rect.y0..rect.y1 {
+            for x in rect.x0..rect.x1 {
+                for index in begin..end {
+                    let mut stream = self.sampler.stream(x, y, index);
+                    let filtered = self.filter.sample(stream.next_2d());
+                    let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
+                    let camera_ray = self.scene.camera.ray(picture, stream.next_2d());
+                    estimate.reset(self.scene.group_names.len());
+                    self.integrator.estimate(&self.scene, &camera_ray, &mut stream, &mut estimate);
+                    channels::values(&estimate, &self.aovs, &mut values);
+                    tile.add_sample(x, y, index, filtered.weight, &values);
+                }
+            }
+        }
+    }
+}
+
+/// The ranges of `begin..end` that a tile still lacks.
+fn missing(film: &Film, rect: Rect, begin: u32, end: u32) -> Vec<(u32, u32)> {
+    let mut held: Vec<(u32, u32)> =
+        film.held().entries().iter().filter(|e: &&HeldSamples| e.rect.contains_rect(&rect)).map(|e| (e.begin, e.end)).collect();
+    held.sort_unstable();
+    let (mut gaps, mut at) = (Vec::new(), begin);
+    for (a, b) in held {
+        if a > at && at < end {
+            gaps.push((at, a.min(end)));
+        }
+        at = at.max(b);
+    }
+    if at < end {
+        gaps.push((at, end));
+    }
+    gaps
+}
+
+/// Tiles of a rectangle, from the middle outwards: what one looks at comes first.
+fn tiles(rect: Rect) -> Vec<Rect> {
+    let mut tiles = Vec::new();
+    for y in (rect.y0..rect.y1).step_by(TILE as usize) {
+        for x in (rect.x0..rect.x1).step_by(TILE as usize) {
+            tiles.push(Rect::new(x, y, (x + TILE).min(rect.x1), (y + TILE).min(rect.y1)));
+        }
+    }
+    let (cx, cy) = (i64::from(rect.x0 + rect.x1), i64::from(rect.y0 + rect.y1));
+    tiles.sort_by_key(|t| {
+        let (dx, dy) = (i64::from(t.x0 + t.x1) - cx, i64::from(t.y0 + t.y1) - cy);
+        (dx * dx + dy * dy, t.y0, t.x0)
+    });
+    tiles
+}

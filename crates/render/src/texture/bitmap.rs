@@ -1,0 +1,152 @@
+//! Pictures mapped over texture coordinates.
+
+use std::sync::Arc;
+
+use etendue_scene::desc::{Channel, TextureFilter, Wrap};
+use glam::Mat3;
+
+use crate::image::Texels;
+use crate::math::{Vec2, Vec3};
+use crate::scene::{Scene, Surface};
+use crate::spectrum::Spectrum;
+
+/// A picture with its mapping. Its first row is at v = 1.
+#[derive(Clone, Debug)]
+pub struct Bitmap {
+    /// The picture.
+    pub texels: Arc<Texels>,
+    /// Beyond the edge in u and v.
+    pub wrap: [Wrap; 2],
+    /// Between texels; trilinear look-ups take the full picture, whose samples average out over a pixel.
+    pub filter: TextureFilter,
+    /// Applied to (u, v, 1).
+    pub picture_from_uv: Mat3,
+    /// What a scalar look-up takes.
+    pub channel: Channel,
+    /// Interned name of the texture coordinates; `None` for the mesh's own.
+    pub uv_attribute: Option<u32>,
+}
+
+/// Four texels and the place between them.
+struct Quad {
+    /// Lower left, lower right, upper left, upper right.
+    texels: [[f32; 4]; 4],
+    /// In [0, 1)².
+    fraction: Vec2,
+}
+
+impl Bitmap {
+    /// The linear color at a surface point.
+    pub fn color(&self, scene: &Scene, s: &Surface) -> Spectrum {
+        let [r, g, b, _] = self.lookup(scene, s);
+        Spectrum::from_rgb([r, g, b])
+    }
+
+    /// The number at a surface point.
+    pub fn scalar(&self, scene: &Scene, s: &Surface) -> f32 {
+        self.pick(self.lookup(scene, s))
+    }
+
+    /// ∂(scalar)/∂(u, v) at a surface point.
+    pub fn gradient(&self, scene: &Scene, s: &Surface) -> Vec2 {
+        let q = self.quad(self.place(scene, s));
+        let [a, b, c, d] = q.texels.map(|t| self.pick(t));
+        let (fx, fy) = (q.fraction.x, q.fraction.y);
+        // Per texel, then per unit of the picture, then per unit of uv.
+        let du = ((b - a) * (1.0 - fy) + (d - c) * fy) * self.texels.width as f32;
+        let dv = ((c - a) * (1.0 - fx) + (d - b) * fx) * self.texels.height as f32;
+        let m = &self.picture_from_uv;
+        Vec2::new(m.x_axis.x * du + m.x_axis.y * dv, m.y_axis.x * du + m.y_axis.y * dv)
+    }
+
+    /// The mean color of a grid of at most 64 × 64 texels.
+    pub fn average(&self) -> Spectrum {
+        let (w, h) = (self.texels.width, self.texels.height);
+        let (nx, ny) = (w.min(64), h.min(64));
+        let mut sum = Spectrum::ZERO;
+        for j in 0..ny {
+            for i in 0..nx {
+                let at = |i: u32, n: u32, size: u32| ((u64::from(i) * 2 + 1) * u64::from(size) / (2 * u64::from(n))) as u32;
+                let [r, g, b, _] = self.texels.get(at(i, nx, w), at(j, ny, h));
+                sum += Spectrum::from_rgb([r, g, b]);
+            }
+        }
+        sum / (nx * ny) as f32
+    }
+
+    fn pick(&self, [r, g, b, a]: [f32; 4]) -> f32 {
+        match self.channel {
+            Channel::Luminance if self.texels.channels <= 2 => r,
+            Channel::Luminance => Spectrum::from_rgb([r, g, b]).luminance(),
+            Channel::R => r,
+            Channel::G => g,
+            Channel::B => b,
+            Channel::A => a,
+        }
+    }
+
+    fn place(&self, scene: &Scene, s: &Surface) -> Vec2 {
+        let uv = match self.uv_attribute {
+            Some(name) => s.attribute(scene, name).map_or(Vec2::ZERO, |[u, v, ..]| Vec2::new(u, v)),
+            None => s.uv,
+        };
+        (self.picture_from_uv * Vec3::new(uv.x, uv.y, 1.0)).truncate()
+    }
+
+    fn lookup(&self, scene: &Scene, s: &Surface) -> [f32; 4] {
+        let at = self.place(scene, s);
+        let (w, h) = (self.texels.width, self.texels.height);
+        if self.filter == TextureFilter::Nearest {
+            let x = wrap(self.wrap[0], cell(at.x * w as f32), w);
+            let y = wrap(self.wrap[1], cell(at.y * h as f32), h);
+            return self.texels.get(x, h - 1 - y);
+        }
+        let Quad { texels: [a, b, c, d], fraction: f } = self.quad(at);
+        std::array::from_fn(|i| (a[i] * (1.0 - f.x) + b[i] * f.x) * (1.0 - f.y) + (c[i] * (1.0 - f.x) + d[i] * f.x) * f.y)
+    }
+
+    fn quad(&self, at: Vec2) -> Quad {
+        let (w, h) = (self.texels.width, self.texels.height);
+        let p = at * Vec2::new(w as f32, h as f32) - 0.5;
+        let (x, y) = (cell(p.x), cell(p.y));
+        let fraction = Vec2::new(p.x - p.x.floor(), p.y - p.y.floor());
+        let xs = [x, x + 1].map(|x| wrap(self.wrap[0], x, w));
+        // Rows count from the top, v from the bottom.
+        let ys = [y, y + 1].map(|y| h - 1 - wrap(self.wrap[1], y, h));
+        let get = |i: usize, j: usize| self.texels.get(xs[i], ys[j]);
+        Quad { texels: [get(0, 0), get(1, 0), get(0, 1), get(1, 1)], fraction }
+    }
+}
+
+/// The index of the texel at a coordinate; far-off and undefined coordinates stay in range.
+fn cell(v: f32) -> i64 {
+    v.floor().clamp(-1e15, 1e15) as i64
+}
+
+fn wrap(mode: Wrap, i: i64, n: u32) -> u32 {
+    let n = i64::from(n);
+    let wrapped = match mode {
+        Wrap::Repeat => i.rem_euclid(n),
+        Wrap::Mirror => {
+            let m = i.rem_euclid(2 * n);
+            if m < n { m } else { 2 * n - 1 - m }
+        }
+        Wrap::Clamp => i.clamp(0, n - 1),
+    };
+    wrapped as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn indices_beyond_the_edge_wrap_as_told() {
+        let row = |mode| (-3..6).map(|i| wrap(mode, i, 3)).collect::<Vec<_>>();
+        assert_eq!(row(Wrap::Repeat), [0, 1, 2, 0, 1, 2, 0, 1, 2]);
+        assert_eq!(row(Wrap::Mirror), [2, 1, 0, 0, 1, 2, 2, 1, 0]);
+        assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
+        assert_eq!(wrap(Wrap::Repeat, cell(f32::NAN), 7), 0);
+        assert!(wrap(Wrap::Mirror, cell(f32::INFINITY), 7) < 7);
+    }
+}
