@@ -95,8 +95,9 @@ impl Blas {
             }
             kept.push((shape.clone(), b));
         }
-        let tree = build::build(refs);
-        let (arena, root) = emit(&tree, &Source { positions, triangles }).unwrap_or_else(|| {
+        let source = Source { positions, triangles };
+        let tree = build::build(refs, &source);
+        let (arena, root) = emit(&tree, &source).unwrap_or_else(|| {
             skipped = triangles.len() + shapes.len() - unbounded.len();
             (Arena::new(0), 0)
         });
@@ -121,6 +122,12 @@ impl Blas {
     /// How many triangles and shapes were left out, because nothing can hit them or they are not finite.
     pub fn skipped(&self) -> usize {
         self.skipped
+    }
+
+    /// The contents of nodes and leaves.
+    #[cfg(test)]
+    pub(super) fn words(&self) -> Vec<u32> {
+        self.arena.units().iter().flat_map(|u| u.0).collect()
     }
 
     /// Offers all hits of a ray in this space to `best`.

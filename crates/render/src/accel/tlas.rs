@@ -69,9 +69,10 @@ impl Accel {
                 unbounded.push(i as u32);
             }
         }
-        let single = (instances.len() == 1 && skipped == 0 && placed[0].identity).then_some(instances[0].blas);
-        let tree = build::build(refs);
-        let (arena, root) = emit(&tree, &Source { positions: &[], triangles: &[] }).unwrap_or_else(|| {
+        let single = (instances.len() == 1 && skipped == 0 && placed[0].identity).then(|| instances[0].blas);
+        let source = Source { positions: &[], triangles: &[] };
+        let tree = build::build(refs, &source);
+        let (arena, root) = emit(&tree, &source).unwrap_or_else(|| {
             skipped = instances.len();
             (Arena::new(0), 0)
         });
