@@ -177,7 +177,7 @@ impl Blas {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if let Some(ray) = Prepared::new::<I>(ray) {
-                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &self.shapes);
+                traverse::closest::<I>(&self.arena, self.root, &ray, best, &self.shapes);
             }
         }
     }
@@ -187,7 +187,7 @@ impl Blas {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             match Prepared::new::<I>(ray) {
-                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &self.shapes),
+                Some(ray) => traverse::any::<I>(&self.arena, self.root, &ray, t_last, &self.shapes),
                 None => false,
             }
         }
@@ -243,7 +243,7 @@ impl Blas {
             let inside = |size: usize| at + size <= bytes;
             match r & 7 {
                 TAG_NODE => {
-                    if !inside(size_of::<Node>()) || at % align_of::<Node>() != 0 || depth >= MAX_DEPTH {
+                    if !inside(size_of::<Node>()) || !at.is_multiple_of(align_of::<Node>()) || depth >= MAX_DEPTH {
                         return Err(format!("node at {at}, depth {depth}: beyond the arena, not aligned or too deep"));
                     }
                     // SAFETY: inside the arena and aligned, plain numbers.

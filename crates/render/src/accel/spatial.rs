@@ -110,10 +110,9 @@ pub(super) fn best(refs: &[PrimRef], bounds: &Box4, spare: usize, source: &Sourc
         right[i] = (b.half_area(), n);
     }
     let (mut b, mut n) = (Box4::EMPTY, 0);
-    for i in 1..BINS {
+    for (i, &(right_area, right_count)) in right.iter().enumerate().skip(1) {
         b = b.union(bins.boxes[i - 1]);
         n += bins.begins[i - 1];
-        let (right_area, right_count) = right[i];
         if n == 0 || right_count == 0 || n >= count || right_count >= count || n + right_count > count + spare as u32 {
             continue;
         }

@@ -73,7 +73,7 @@ fn rays(count: usize, seed: u64) -> Vec<Ray> {
             6 => ray.o *= 1000.0,
             _ => {}
         }
-        if r.bits() % 4 == 0 {
+        if r.bits().is_multiple_of(4) {
             ray.d = -ray.o + r.point(0.5);
         }
         out.push(ray);

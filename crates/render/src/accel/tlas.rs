@@ -173,7 +173,7 @@ impl Accel {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if let Some(ray) = Prepared::new::<I>(ray) {
-                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &Instances { accel: self });
+                traverse::closest::<I>(&self.arena, self.root, &ray, best, &Instances { accel: self });
             }
         }
     }
@@ -183,7 +183,7 @@ impl Accel {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             match Prepared::new::<I>(ray) {
-                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &Instances { accel: self }),
+                Some(ray) => traverse::any::<I>(&self.arena, self.root, &ray, t_last, &Instances { accel: self }),
                 None => false,
             }
         }
