@@ -9,6 +9,9 @@ use serde_json::json;
 
 use crate::build::{Build, F32, U16, f32s, glb, u16s};
 
+/// All of these take well under a second; the limit only tells a hang from a busy machine.
+const LIMIT: Duration = Duration::from_secs(20);
+
 fn read(bytes: &[u8]) -> Result<SceneDesc, ReadError> {
     gltf::read_bytes(bytes, Path::new("hostile.glb"), &ReadOptions::default())
 }
@@ -141,7 +144,7 @@ fn references_and_sizes_out_of_range() {
             Err(e) => e.to_string(),
         };
         assert!(message.contains(":1:") && message.contains(": error: /"), "{pointer} = {value}: {message}");
-        assert!(start.elapsed() < Duration::from_secs(2), "{pointer} = {value}");
+        assert!(start.elapsed() < LIMIT, "{pointer} = {value}");
     }
 }
 
@@ -169,7 +172,7 @@ fn deep_and_long_json() {
     let start = Instant::now();
     let Err(ReadError::Invalid { faults, .. }) = b.read_with(&ReadOptions::default()) else { panic!() };
     assert_eq!(faults.len(), 1000);
-    assert!(start.elapsed() < Duration::from_secs(2));
+    assert!(start.elapsed() < LIMIT);
 }
 
 #[test]
@@ -183,7 +186,7 @@ fn large_base64() {
     let start = Instant::now();
     assert_eq!(read(text.as_bytes()).unwrap().meshes.len(), 1);
     assert!(read(text.replace("AAAA\"", "AA*A\"").as_bytes()).unwrap_err().to_string().contains("/buffers/0: not base64"));
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(start.elapsed() < LIMIT);
 }
 
 #[test]
@@ -217,7 +220,7 @@ fn memory_is_bounded() {
     b.json["meshes"][0]["primitives"] = (0..1000).map(|_| primitive.clone()).collect();
     let start = Instant::now();
     assert!(b.error().contains("more than a file of this size may ask for"));
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(start.elapsed() < LIMIT);
 }
 
 /// The seeds of the fuzz target (`fuzz/corpus/gltf`).
@@ -282,5 +285,5 @@ fn mutated_files() {
         good += usize::from(result.is_ok());
     }
     assert!(good > 500, "only {good} were read: the mutations are too wild to test much");
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(start.elapsed() < LIMIT);
 }
