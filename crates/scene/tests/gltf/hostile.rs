@@ -211,6 +211,14 @@ fn numbers_that_are_none() {
     assert!(desc.shapes.is_empty() && desc.report.faults[0].message.contains("makes everything flat"));
 }
 
+#[test]
+fn a_fault_is_told_once() {
+    let mut b = rich();
+    b.json["bufferViews"][0]["byteLength"] = json!(1 << 30);
+    let message = b.error();
+    assert_eq!(message.matches("/bufferViews/0: ").count(), 1, "{message}");
+}
+
 /// Little that asks for much: many primitives that take the same accessor, accessors without data.
 #[test]
 fn memory_is_bounded() {

@@ -58,16 +58,18 @@ fn glb(mut json: Vec<u8>, mut bin: Vec<u8>) -> std::io::Result<Vec<u8>> {
     bin.resize(bin.len().next_multiple_of(4), 0);
     let too_large = |_| Error::new(ErrorKind::FileTooLarge, "a GLB holds at most 4 GiB; write a .gltf instead");
     let size = |n: usize| u32::try_from(n).map_err(too_large);
-    let total = size(28 + json.len() + bin.len())?;
+    let total = size(20 + json.len() + if bin.is_empty() { 0 } else { 8 + bin.len() })?;
     let mut out = Vec::with_capacity(total as usize);
     out.extend(b"glTF\x02\0\0\0");
     out.extend(total.to_le_bytes());
     out.extend(size(json.len())?.to_le_bytes());
     out.extend(b"JSON");
     out.extend(json);
-    out.extend(size(bin.len())?.to_le_bytes());
-    out.extend(b"BIN\0");
-    out.extend(bin);
+    if !bin.is_empty() {
+        out.extend(size(bin.len())?.to_le_bytes());
+        out.extend(b"BIN\0");
+        out.extend(bin);
+    }
     Ok(out)
 }
 
@@ -155,7 +157,8 @@ impl<'a> Writer<'a> {
         }
         self.write_lights(&mut roots);
         self.write_cameras(&mut roots);
-        self.push("scenes", json!({"nodes": roots}));
+        // Lists must not be empty.
+        self.push("scenes", if roots.is_empty() { json!({}) } else { json!({ "nodes": roots }) });
         if !self.desc.integrator.name.is_empty() || self.desc.film.spp.is_some() {
             self.loss(Span::default(), "integrator, sampler and film", "not written: glTF says nothing of how to render");
         }
