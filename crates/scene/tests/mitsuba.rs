@@ -261,11 +261,8 @@ fn faults_have_places_and_suggestions_and_are_all_told() {
 fn texts_that_are_no_scene_are_told() {
     let options = ReadOptions::default();
     let read = |text: &[u8]| faults(read_bytes(Path::new("t.xml"), text, &options));
-    assert!(
-        read(b"<scene version='3.0.0'>\n<bsdf>")[0].starts_with("2:7 not well-formed XML: "),
-        "{:?}",
-        read(b"<scene version='3.0.0'>\n<bsdf>")
-    );
+    let unclosed = read(b"<scene version='3.0.0'>\n<bsdf></scene>");
+    assert!(unclosed[0].starts_with("2:7 not well-formed XML: "), "{unclosed:?}");
     assert_eq!(read(b"<scene version='3.0.0'>\n\xff</scene>"), ["2:1 not a text file in UTF-8"]);
     assert_eq!(read(b"<html/>"), ["1:1 the outermost element must be <scene>, not <html>"]);
     assert_eq!(read(b"<scene version='x'/>"), ["1:1 `x` is not a version such as 3.0.0"]);
