@@ -9,6 +9,7 @@
 
 pub mod desc;
 pub mod formats;
+pub mod ior;
 pub mod param;
 pub mod passes;
 pub mod report;

@@ -38,7 +38,7 @@ pub struct MeshData {
 }
 
 /// File formats of meshes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum MeshFormat {
     /// Wavefront OBJ.
     Obj,

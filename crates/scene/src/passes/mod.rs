@@ -1,15 +1,10 @@
 //! Steps from a description to a description: loading what it refers to, filling in what it leaves open.
 
-use crate::desc::SceneDesc;
-use crate::report::ReadError;
+mod meshes;
 
-/// Loads the files of all meshes, in parallel.
-///
-/// # Errors
-/// [`ReadError`] with the faults of every mesh file.
-pub fn load_meshes(_desc: &mut SceneDesc) -> Result<(), ReadError> {
-    Ok(())
-}
+pub use meshes::load_meshes;
+
+use crate::desc::SceneDesc;
 
 /// Adds a camera and a light where the file has none.
 pub fn complete(_desc: &mut SceneDesc) {}
