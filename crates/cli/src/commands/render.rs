@@ -165,7 +165,11 @@ fn outputs(args: &Args) -> anyhow::Result<Vec<(PathBuf, Option<FileFormat>)>> {
                 return Err(coded(exit::IO, format!("{}: there is no folder {}", path.display(), folder.display())));
             }
             let is_film = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("film"));
-            let format = if is_film { None } else { Some(FileFormat::from_path(&path).map_err(|e| coded(exit::USAGE, format!("{}: {e}", path.display())))?) };
+            let format = if is_film {
+                None
+            } else {
+                Some(FileFormat::from_path(&path).map_err(|e| coded(exit::USAGE, format!("{}: {e}", path.display())))?)
+            };
             Ok((path, format))
         })
         .collect()
@@ -174,7 +178,8 @@ fn outputs(args: &Args) -> anyhow::Result<Vec<(PathBuf, Option<FileFormat>)>> {
 fn tone_map(args: &Args) -> anyhow::Result<ToneMap> {
     let operator = args.tonemap.as_str();
     let found = etendue_render::image::ToneOperator::from_name(operator);
-    let operator = found.ok_or_else(|| coded(exit::USAGE, format!("no tone mapping `{operator}`; there are standard, filmic, aces, agx")))?;
+    let operator =
+        found.ok_or_else(|| coded(exit::USAGE, format!("no tone mapping `{operator}`; there are standard, filmic, aces, agx")))?;
     Ok(ToneMap { operator, exposure: args.exposure })
 }
 
@@ -218,7 +223,14 @@ fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     session.resume(&film).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))
 }
 
-fn write(film: &Film, path: &Path, format: Option<FileFormat>, develop: &DevelopOptions, tone_map: ToneMap, denoise: bool) -> anyhow::Result<()> {
+fn write(
+    film: &Film,
+    path: &Path,
+    format: Option<FileFormat>,
+    develop: &DevelopOptions,
+    tone_map: ToneMap,
+    denoise: bool,
+) -> anyhow::Result<()> {
     if format.is_none() {
         film.save(path)?;
         return Ok(());
