@@ -6,6 +6,7 @@
 pub mod accel;
 pub mod bsdf;
 pub mod camera;
+pub mod denoise;
 pub mod film;
 pub mod image;
 pub mod integrator;

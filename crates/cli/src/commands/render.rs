@@ -6,7 +6,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use etendue_render::film::{DevelopOptions, Film};
-use etendue_render::image::{FileFormat, ToneMap, WriteOptions};
+use etendue_render::image::tonemap::{ToneMap, ToneOperator};
+use etendue_render::image::{FileFormat, WriteOptions};
 use etendue_render::session::job::{self, JobError, Plan};
 use etendue_render::session::{Aov, Cancel, Observer, Reason, Session, Status, Stop};
 use etendue_scene::SceneDesc;
@@ -177,7 +178,7 @@ fn outputs(args: &Args) -> anyhow::Result<Vec<(PathBuf, Option<FileFormat>)>> {
 
 fn tone_map(args: &Args) -> anyhow::Result<ToneMap> {
     let operator = args.tonemap.as_str();
-    let found = etendue_render::image::ToneOperator::from_name(operator);
+    let found = ToneOperator::from_name(operator);
     let operator =
         found.ok_or_else(|| coded(exit::USAGE, format!("no tone mapping `{operator}`; there are standard, filmic, aces, agx")))?;
     Ok(ToneMap { operator, exposure: args.exposure })
@@ -239,7 +240,7 @@ fn write(
     if denoise {
         etendue_render::denoise::denoise(&mut image).map_err(|e| coded(exit::FAILURE, e))?;
     }
-    let options = WriteOptions { tone_map, ..WriteOptions::default() };
+    let options = WriteOptions { tone: tone_map, ..WriteOptions::default() };
     image.save(path, &options)?;
     Ok(())
 }

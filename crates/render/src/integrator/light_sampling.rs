@@ -36,8 +36,7 @@ pub(super) fn context(s: &Surface) -> LightContext {
 pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
     let (u_light, u) = (stream.next_1d(), stream.next_2d());
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
-    let light = &scene.lights[index as usize];
-    let sample = light.sample(ctx, u)?;
+    let sample = scene.lights[index as usize].sample(ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
@@ -84,16 +83,17 @@ fn transmittance(scene: &Scene, mut ray: Ray) -> Spectrum {
     Spectrum::ZERO
 }
 
-/// The density with which [`sample_one`] would have sampled a light's point from a context: that of choosing the light
-/// times that of the direction.
+/// The density with which [`sample_one`] would have sampled a surface point of a light from a context: that of choosing the
+/// light times that of the direction.
 #[inline]
-pub(super) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3, s: &Surface, dist: f32) -> f32 {
+pub(super) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Surface) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
-    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_at(ctx, wi, s.p, s.ng, dist) } else { 0.0 }
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_hit(ctx, s.p, s.ng) } else { 0.0 }
 }
 
 /// The same for a light that surrounds the scene.
 #[inline]
 pub(super) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
-    scene.light_sampler.pmf(ctx, light) * scene.lights[light as usize].pdf_infinite(wi)
+    let pmf = scene.light_sampler.pmf(ctx, light);
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
 }

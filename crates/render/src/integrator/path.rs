@@ -127,10 +127,7 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
         return;
     }
     let weight = match s.light(scene) {
-        Some(light) if last.pdf.is_finite() => {
-            let dist = (s.p - last.ctx.p).length();
-            power_heuristic(last.pdf, pdf_surface(scene, &last.ctx, light, -wo, s, dist))
-        }
+        Some(light) if last.pdf.is_finite() => power_heuristic(last.pdf, pdf_surface(scene, &last.ctx, light, s)),
         _ => 1.0,
     };
     out.add(throughput * radiance * weight, emission.group);
@@ -143,7 +140,7 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
         return;
     }
     for &light in &scene.infinite_lights {
-        let radiance = scene.lights[light as usize].infinite_radiance(d);
+        let radiance = scene.lights[light as usize].escaped(d);
         if !radiance.is_black() {
             let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);

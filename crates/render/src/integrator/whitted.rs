@@ -44,7 +44,7 @@ impl Integrator for Whitted {
             let Some(s) = scene.intersect(&at.ray) else {
                 if at.depth > 0 || !scene.hide_lights {
                     for &light in &scene.infinite_lights {
-                        let radiance = scene.lights[light as usize].infinite_radiance(at.ray.d);
+                        let radiance = scene.lights[light as usize].escaped(at.ray.d);
                         out.add(at.throughput * radiance, scene.light_groups[light as usize]);
                     }
                 }

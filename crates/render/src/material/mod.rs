@@ -12,7 +12,8 @@ pub use scatter::{Part, Scatter};
 
 use etendue_scene::desc::{BsdfDesc, MicrofacetKind, Param, Roughness, SceneDesc};
 
-use crate::bsdf::{Distribution, RoughTransmittance};
+use crate::bsdf::RoughTransmittance;
+use crate::bsdf::microfacet::Distribution;
 
 /// A scattering model of the description with what is worth computing once.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use arrayvec::ArrayVec;
 
 use crate::bsdf::{Bsdf, BsdfSample, Lobe, TransportMode};
-use crate::math::{Frame, Vec2, Vec3};
+use crate::math::{Frame, ONE_MINUS_EPSILON, Vec2, Vec3};
 use crate::spectrum::Spectrum;
 
 /// The most models that one point may blend; further ones are dropped, which the compiler reports.
@@ -62,7 +62,7 @@ impl Scatter {
             chosen += 1;
         }
         let part = self.parts.get(chosen)?;
-        let u_lobe = (rest / part.weight).clamp(0.0, crate::math::ONE_MINUS_EPSILON);
+        let u_lobe = (rest / part.weight).clamp(0.0, ONE_MINUS_EPSILON);
         let mut sample = part.bsdf.sample(part.frame.local_from_world(wo), u_lobe, u, mode)?;
         sample.wi = part.frame.world_from_local(sample.wi);
         if !part.consistent(sample.wi) {
@@ -87,10 +87,13 @@ impl Scatter {
     pub fn null_transmittance(&self, wo: Vec3) -> Spectrum {
         let mut t = Spectrum::ZERO;
         for part in &self.parts {
-            match &part.bsdf {
-                Bsdf::Null(_) => t += Spectrum::splat(part.weight),
-                Bsdf::ThinDielectric(b) => t += b.transmittance(part.frame.local_from_world(wo)) * part.weight,
-                _ => {}
+            if !part.bsdf.lobes().contains(Lobe::NULL) {
+                continue;
+            }
+            // Models that reflect as well keep their straight transmission at the upper end of the lobe numbers.
+            let sample = part.bsdf.sample(part.frame.local_from_world(wo), ONE_MINUS_EPSILON, Vec2::splat(0.5), TransportMode::Radiance);
+            if let Some(sample) = sample.filter(|s| s.lobe.contains(Lobe::NULL)) {
+                t += sample.value * part.weight;
             }
         }
         t

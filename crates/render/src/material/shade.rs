@@ -4,8 +4,9 @@ use etendue_scene::desc::{BsdfDesc, BsdfId, Color, Roughness};
 
 use super::scatter::{Part, Scatter};
 use super::{Material, distribution, frames};
+use crate::bsdf::microfacet::Microfacet;
 use crate::bsdf::{
-    Bsdf, Coat, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Microfacet, Null, Plastic, Principled, RoughConductor, RoughDielectric,
+    Bsdf, Coat, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Null, Plastic, Principled, RoughConductor, RoughDielectric,
     RoughDiffuse, RoughPlastic, ThinDielectric,
 };
 use crate::math::{Frame, Vec3};
@@ -138,13 +139,13 @@ impl Material {
                     (Some(r), Some(t)) => Coat::Rough { microfacet: microfacet(scene, s, r), transmittance: t.clone() },
                     _ => Coat::Smooth,
                 };
-                Bsdf::Coated(Box::new(Coated {
+                Bsdf::Coated(Coated {
                     base: coated_base(scene, s, wo, *base)?,
                     coat,
                     eta: int_ior / ext_ior,
                     absorption: color(sigma_a) * *thickness,
                     specular_reflectance: color(specular_reflectance),
-                }))
+                })
             }
             BsdfDesc::Principled(p) => {
                 let number = |v| scene.scalar(v, s);

@@ -13,12 +13,21 @@ use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
 use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
-use crate::light::{Light, LightSampler};
+use crate::light::{Light, LightSample, LightSampler};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
 use geometry::{Geometry, Placement};
+
+/// The primitive that an area light is made of; all of them are in the world's geometry.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSource {
+    /// Object in the world's geometry.
+    pub object: u32,
+    /// Primitive in the world's geometry.
+    pub primitive: u32,
+}
 
 /// Everything that an integrator looks at. `Send + Sync`, immutable.
 pub struct Scene {
@@ -34,6 +43,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// All lights.
     pub lights: Vec<Light>,
+    /// What each area light is part of: its light's `emission_id` is an index here.
+    pub light_sources: Vec<LightSource>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
     /// Names of the light groups; the first is the unnamed one.
@@ -83,6 +94,20 @@ impl Scene {
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
         self.accel.intersect(ray).map(|hit| self.surface(ray, &hit))
+    }
+
+    /// Radiance of a light sample: textured emission is looked up where the sample is.
+    #[inline]
+    pub fn light_radiance(&self, light: u32, sample: &LightSample) -> Spectrum {
+        match &self.lights[light as usize] {
+            Light::Area(area) if area.textured => {
+                let source = self.light_sources[area.emission_id as usize];
+                let hit = Hit { t: 0.0, u: sample.uv.x, v: sample.uv.y, prim: source.primitive, instance: 0 };
+                let ray = Ray::new(sample.p, sample.wi);
+                self.emitted(&self.surface(&ray, &hit), -sample.wi)
+            }
+            _ => sample.radiance,
+        }
     }
 
     /// The material of what a ray hit.

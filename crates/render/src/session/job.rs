@@ -75,12 +75,11 @@ impl Plan {
             Some(name) => Filter::from_name(name).ok_or_else(|| {
                 JobError::Setting(format!("no filter `{name}`; there are box, tent, gaussian, mitchell, blackman-harris, lanczos"))
             })?,
-            None => film.filter.map_or(Filter::from_name("gaussian").unwrap_or(Filter::Box), filter),
+            None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
-            (Some(name), _) => SamplerKind::from_name(name).ok_or_else(|| {
-                JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton"))
-            })?,
+            (Some(name), _) => SamplerKind::from_name(name)
+                .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
             (None, _) => SamplerKind::Sobol,
         };
@@ -88,9 +87,10 @@ impl Plan {
         if spp == 0 {
             return Err(JobError::Setting("a picture needs at least one sample per pixel".into()));
         }
-        let integrator = settings.integrator.clone().unwrap_or_else(|| {
-            if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() }
-        });
+        let integrator = settings
+            .integrator
+            .clone()
+            .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
         Ok(Self { width, height, crop, spp, filter, sampler, integrator })
     }
 }
@@ -111,16 +111,15 @@ fn size(film: &FilmDesc, settings: &RenderSettings) -> Result<(u32, u32), JobErr
 }
 
 fn filter(desc: FilterDesc) -> Filter {
-    let name = match desc {
-        FilterDesc::Box => "box",
-        FilterDesc::Tent => "tent",
-        FilterDesc::Gaussian { stddev } => return Filter::Gaussian { stddev },
-        FilterDesc::Mitchell { b, c } => return Filter::Mitchell { b, c },
-        FilterDesc::CatmullRom => return Filter::Mitchell { b: 0.0, c: 0.5 },
-        FilterDesc::BlackmanHarris => "blackman-harris",
-        FilterDesc::Lanczos { lobes } => return Filter::Lanczos { lobes },
-    };
-    Filter::from_name(name).unwrap_or(Filter::Box)
+    match desc {
+        FilterDesc::Box => Filter::BOX,
+        FilterDesc::Tent => Filter::TENT,
+        FilterDesc::Gaussian { stddev } => Filter::Gaussian { stddev },
+        FilterDesc::Mitchell { b, c } => Filter::Mitchell { b, c },
+        FilterDesc::CatmullRom => Filter::Mitchell { b: 0.0, c: 0.5 },
+        FilterDesc::BlackmanHarris => Filter::BLACKMAN_HARRIS,
+        FilterDesc::Lanczos { lobes } => Filter::Lanczos { lobes: lobes as f32 },
+    }
 }
 
 /// Compiles a scene and makes a session for it.

@@ -124,6 +124,11 @@ impl Session {
         Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film })
     }
 
+    /// Names the scene in the film, so that films of other scenes are refused.
+    pub fn set_scene_hash(&mut self, hash: String) {
+        self.film.meta.scene_hash = hash;
+    }
+
     /// Lets sample indices start later, for a part of a picture that is merged afterwards.
     pub fn set_first_sample(&mut self, index: u32) {
         self.first_sample = index;
@@ -206,7 +211,8 @@ impl Session {
         observer: &dyn Observer,
     ) -> Result<bool, FilmError> {
         // Workers fill tiles of their own and hand them over under a lock that is held briefly.
-        let film = Mutex::new((std::mem::replace(&mut self.film, Film::tile(self.film.spec(), tiles[0])?), 0usize, Ok(())));
+        let stand_in = self.film.new_tile(tiles[0])?;
+        let film = Mutex::new((std::mem::replace(&mut self.film, stand_in), 0usize, Ok(())));
         let this: &Self = self;
         tiles.par_iter().with_max_len(1).for_each(|&rect| {
             // The first pass is never cut by time: a picture without holes is worth more than a punctual one.

@@ -59,6 +59,21 @@ impl Bitmap {
         Vec2::new(m.x_axis.x * du + m.x_axis.y * dv, m.y_axis.x * du + m.y_axis.y * dv)
     }
 
+    /// The mean color of a grid of at most 64 × 64 texels.
+    pub fn average(&self) -> Spectrum {
+        let (w, h) = (self.texels.width, self.texels.height);
+        let (nx, ny) = (w.min(64), h.min(64));
+        let mut sum = Spectrum::ZERO;
+        for j in 0..ny {
+            for i in 0..nx {
+                let at = |i: u32, n: u32, size: u32| ((u64::from(i) * 2 + 1) * u64::from(size) / (2 * u64::from(n))) as u32;
+                let [r, g, b, _] = self.texels.get(at(i, nx, w), at(j, ny, h));
+                sum += Spectrum::from_rgb([r, g, b]);
+            }
+        }
+        sum / (nx * ny) as f32
+    }
+
     fn pick(&self, [r, g, b, a]: [f32; 4]) -> f32 {
         match self.channel {
             Channel::Luminance if self.texels.channels <= 2 => r,

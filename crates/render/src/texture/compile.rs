@@ -8,7 +8,7 @@ use etendue_scene::{Fault, Severity, Span};
 use rayon::prelude::*;
 
 use super::{Bitmap, Texture};
-use crate::image::{ColorEncoding, TexelData, Texels};
+use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels};
 use crate::scene::Names;
 use crate::spectrum::Spectrum;
 
@@ -85,7 +85,7 @@ pub fn decode(desc: &SceneDesc, id: ImageId, encoding: Encoding) -> Result<Texel
     let ImageDesc { source } = &desc[id].value;
     match source {
         ImageSource::File(path) => Texels::load(path, color).map_err(|e| e.to_string()),
-        ImageSource::Embedded(bytes) => Texels::from_bytes(bytes, color).map_err(|e| e.to_string()),
+        ImageSource::Embedded(bytes) => Texels::from_bytes(bytes, None, color, ReadLimits::default()).map_err(|e| e.to_string()),
         ImageSource::Pixels { width, height, channels, data } => {
             if data.len() as u64 != u64::from(*width) * u64::from(*height) * u64::from(*channels) || data.is_empty() || *channels > 4 {
                 return Err("the picture's size does not match its data".to_owned());

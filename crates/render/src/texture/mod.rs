@@ -7,7 +7,7 @@ mod bitmap;
 mod compile;
 
 pub use bitmap::Bitmap;
-pub use compile::compile;
+pub use compile::{compile, decode};
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 use glam::Mat3;

@@ -6,6 +6,7 @@
 mod bsdf;
 mod camera;
 mod geometry;
+mod hash;
 mod light;
 mod texture;
 

@@ -135,7 +135,8 @@ impl Tables {
 
     /// Albedos of GGX with the perceived roughness √alpha and the refractive index `eta` ≥ 1 seen under the cosine `mu`.
     pub(super) fn lookup(&self, mu: f32, roughness: f32, eta: f32) -> Albedo {
-        let ((r, fr), (m, fm), (k, fk)) = (cell((roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGH), cell(safe_sqrt(mu), N_MU), cell(z_of(eta) / MAX_Z, N_ETA));
+        let ((r, fr), (m, fm), (k, fk)) =
+            (cell((roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGH), cell(safe_sqrt(mu), N_MU), cell(z_of(eta) / MAX_Z, N_ETA));
         let mut a = Albedo { e: 0.0, e_avg: lerp(fr, self.e_avg[r], self.e_avg[r + 1]), schlick: 0.0, dielectric: 0.0 };
         for (row, w) in [(0, (1.0 - fr) * (1.0 - fm)), (1, (1.0 - fr) * fm), (N_MU, fr * (1.0 - fm)), (N_MU + 1, fr * fm)] {
             let row = &self.rows[r * N_MU + m + row];
@@ -208,7 +209,8 @@ pub(super) fn glass_albedo(mu: f32, roughness: f32, eta: f32) -> [f32; 3] {
     let inside = eta < 1.0;
     let table = &GLASS[usize::from(inside)];
     let z = z_of(if inside { 1.0 / eta } else { eta });
-    let ((r, fr), (m, fm), (k, fk)) = (cell((roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGH), cell(safe_sqrt(mu), N_MU), cell(z / MAX_Z, N_ETA));
+    let ((r, fr), (m, fm), (k, fk)) =
+        (cell((roughness - MIN_ROUGHNESS) / (1.0 - MIN_ROUGHNESS), N_ROUGH), cell(safe_sqrt(mu), N_MU), cell(z / MAX_Z, N_ETA));
     let at = |r: usize, m: usize| {
         let i = (r * N_MU + m) * N_ETA + k;
         lerp(fk, table.e[i], table.e[i + 1])

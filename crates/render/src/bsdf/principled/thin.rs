@@ -66,8 +66,7 @@ impl Principled {
         // As in Mitsuba, a facet transmits only to directions behind it, although the lobe is a mirrored reflection.
         if self.spec_trans > 0.0 && cos_d > 0.0 && !(through && mirror_z(wi).dot(m) >= 0.0) {
             let f = fresnel::dielectric(cos_d, v.eta).0;
-            let (mf, color) =
-                if through { (&v.transmit, self.base_color * (1.0 - f)) } else { (&v.reflect, self.thin_fresnel(f, cos_d)) };
+            let (mf, color) = if through { (&v.transmit, self.base_color * (1.0 - f)) } else { (&v.reflect, self.thin_fresnel(f, cos_d)) };
             value += color * (self.spec_trans * mf.d(m) * mf.g(v.wo, wi, m) / (4.0 * v.wo.z));
         }
         let diffuse = 1.0 - self.spec_trans;

@@ -95,7 +95,9 @@ fn add_mesh(g: &mut Geometry, mesh: &MeshData, shape: &ShapeDesc, m: Mat4, objec
     let mirrors = m3.determinant() < 0.0;
     g.positions.extend(mesh.positions.iter().map(|p| m.transform_point3(*p)));
     // Keep the geometric normal on the outside under mirrors: turn the winding with them.
-    g.triangles.extend(mesh.triangles.iter().map(|&[a, b, c]| if mirrors { [a + base, c + base, b + base] } else { [a + base, b + base, c + base] }));
+    g.triangles.extend(
+        mesh.triangles.iter().map(|&[a, b, c]| if mirrors { [a + base, c + base, b + base] } else { [a + base, b + base, c + base] }),
+    );
     let (face_normals, smooth) = match shape.geometry {
         GeometryDesc::Mesh { face_normals, smooth, .. } => (face_normals, smooth),
         _ => (true, false),

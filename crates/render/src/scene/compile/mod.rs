@@ -11,6 +11,7 @@ use super::geometry::{Geometry, Placement};
 use super::{Names, Scene};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
+use crate::light::{LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::Medium;
 use crate::texture;
@@ -26,13 +27,10 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
     let textures = texture::compile(desc, &mut attributes)?;
-    let mut ctx =
-        Context { desc, materials: &materials, attributes: &mut attributes, groups: &mut groups, object_count: 0 };
+    let mut ctx = Context { desc, materials: &materials, attributes: &mut attributes, groups: &mut groups, object_count: 0 };
     let (geometries, placements) = place(desc, &mut ctx);
-    let blases: Vec<Blas> = geometries
-        .iter()
-        .map(|g| Blas::build(BlasInput { positions: &g.positions, triangles: &g.triangles, shapes: &g.shapes }))
-        .collect();
+    let blases: Vec<Blas> =
+        geometries.iter().map(|g| Blas::build(BlasInput { positions: &g.positions, triangles: &g.triangles, shapes: &g.shapes })).collect();
     let instances = placements
         .iter()
         .map(|p| Instance { world_from_object: p.world_from_object.unwrap_or(Mat4::IDENTITY), blas: p.geometry })
@@ -51,10 +49,11 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         hide_lights: desc.integrator.hide_lights,
         materials,
         lights: Vec::new(),
+        light_sources: Vec::new(),
         light_groups: Vec::new(),
         group_names: groups.into_names(),
         infinite_lights: Vec::new(),
-        light_sampler: Default::default(),
+        light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
     };
     lights::add(&mut scene, desc, settings)?;
     Ok(scene)

@@ -1,0 +1,202 @@
+//! Light sources: sampling towards them, their densities, and how much they give.
+//!
+//! The contract, for every light:
+//!
+//! - A light is self-contained (an area light has its own vertices), so that sampling needs no scene. It knows nothing of
+//!   visibility: the integrator traces from `ctx.p` towards `wi` up to `dist`.
+//! - `sample` returns a direction with the radiance that arrives from it if nothing is in between, and the density of the
+//!   direction per solid angle at `ctx.p`. For delta lights (`delta`) `pdf` is 1 and `radiance` is what it has to be
+//!   multiplied with f·|cos| by: intensity / d² or irradiance. So `f · radiance / pdf` is the estimate in every case.
+//!   `None` where no light arrives from the sampled place.
+//! - `ctx.n` is a hint for better samples: the normal (either side) of the receiving surface, or zero where there is none.
+//!   `sample` and the pdf functions must be given the same context.
+//! - A ray that hits a surface that emits gets [`AreaLight::emitted`], with density [`Light::pdf_hit`]; one that leaves the scene
+//!   gets the sum of [`Light::escaped`] over the lights, with density [`Light::pdf_escaped`]. Delta lights are never hit.
+//! - Textured emission: the light holds its average, which `sample` returns; where `textured` is set the integrator
+//!   evaluates the texture at the sample's `uv` instead.
+//! - Units: radiance W·m⁻²·sr⁻¹, intensity W·sr⁻¹, irradiance W·m⁻², in linear Rec. 709 lanes.
+
+pub mod area;
+mod bounds;
+mod bvh;
+pub mod constant;
+pub mod directional;
+pub mod environment;
+pub mod point;
+pub mod sampler;
+pub mod spot;
+pub mod sunsky;
+
+pub use area::{AreaGeometry, AreaLight};
+pub use bounds::LightBounds;
+pub use constant::ConstantLight;
+pub use directional::{DirectionalLight, SunLight};
+pub use environment::EnvironmentLight;
+pub use point::PointLight;
+pub use sampler::{LightSampler, LightSelection};
+pub use spot::SpotLight;
+
+use crate::math::{Vec2, Vec3};
+use crate::spectrum::Spectrum;
+
+/// Where light is to arrive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightContext {
+    /// The point.
+    pub p: Vec3,
+    /// Unit normal of the surface there, either side; zero where there is no surface.
+    pub n: Vec3,
+}
+
+/// A sampled direction to a light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LightSample {
+    /// Unit direction from the context's point to the light.
+    pub wi: Vec3,
+    /// Distance to the sampled point; infinite for infinite lights.
+    pub dist: f32,
+    /// The sampled point; the context's own for infinite lights.
+    pub p: Vec3,
+    /// Unit normal of the light at the point; −`wi` where it has none.
+    pub n: Vec3,
+    /// Surface parameters, barycentric coordinates or picture coordinates, for textured lights.
+    pub uv: Vec2,
+    /// Radiance that arrives, intensity / d² or irradiance for delta lights.
+    pub radiance: Spectrum,
+    /// Density per solid angle at the context's point; 1 for delta lights.
+    pub pdf: f32,
+    /// Whether no other sampling can find this direction.
+    pub delta: bool,
+}
+
+/// A sampled ray that leaves a light, for methods that trace from the lights.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EmissionSample {
+    /// Start of the ray; outside of the scene for infinite lights.
+    pub o: Vec3,
+    /// Unit direction.
+    pub d: Vec3,
+    /// Unit normal of the light at the start; `d` where it has none.
+    pub n: Vec3,
+    /// Surface or picture coordinates, for textured lights.
+    pub uv: Vec2,
+    /// Radiance along the ray (intensity where the position is a delta, irradiance where the direction is).
+    pub radiance: Spectrum,
+    /// Density of the start by area (for infinite lights, across the ray); 1 where it is a delta.
+    pub pdf_position: f32,
+    /// Density of the direction per solid angle; 1 where it is a delta.
+    pub pdf_direction: f32,
+    /// |cos| between ray and light: particle power is `radiance · cos / (pdf_position · pdf_direction)`.
+    pub cos: f32,
+}
+
+/// The sphere that holds the scene, which decides what infinite lights give.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SceneSphere {
+    /// Center.
+    pub center: Vec3,
+    /// Radius.
+    pub radius: f32,
+}
+
+macro_rules! lights {
+    ($($(#[$doc:meta])* $variant:ident($name:ty)),* $(,)?) => {
+        /// The closed set of lights.
+        #[derive(Clone, Debug)]
+        pub enum Light {
+            $($(#[$doc])* $variant($name)),*
+        }
+
+        impl Light {
+            /// Samples a direction towards the light.
+            #[inline]
+            pub fn sample(&self, ctx: &LightContext, u: Vec2) -> Option<LightSample> {
+                match self { $(Self::$variant(l) => l.sample(ctx, u)),* }
+            }
+
+            /// An estimate of the power that it brings into the scene, W.
+            pub fn power(&self, scene: &SceneSphere) -> Spectrum {
+                match self { $(Self::$variant(l) => l.power(scene)),* }
+            }
+
+            /// Samples a ray that leaves the light: `u_position` the start, `u_direction` the direction.
+            pub fn emit(&self, scene: &SceneSphere, u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
+                match self { $(Self::$variant(l) => l.emit(scene, u_position, u_direction)),* }
+            }
+        }
+    };
+}
+
+lights! {
+    /// One triangle or analytic shape that emits.
+    Area(AreaLight),
+    /// A point.
+    Point(PointLight),
+    /// A point with a cone.
+    Spot(SpotLight),
+    /// One direction.
+    Directional(DirectionalLight),
+    /// The sun's disk.
+    Sun(SunLight),
+    /// The same radiance from everywhere.
+    Constant(ConstantLight),
+    /// A picture all round.
+    Environment(Box<EnvironmentLight>),
+}
+
+impl Light {
+    /// The density of `sample` for a point `p` with normal `ng` on an area light (a triangle's `ng` may be either side's);
+    /// zero for all other lights.
+    #[inline]
+    pub fn pdf_hit(&self, ctx: &LightContext, p: Vec3, ng: Vec3) -> f32 {
+        match self {
+            Self::Area(l) => l.pdf(ctx, p, ng),
+            _ => 0.0,
+        }
+    }
+
+    /// Radiance that arrives from the unit direction `wi` where a ray leaves the scene; zero for lights that are not infinite.
+    #[inline]
+    pub fn escaped(&self, wi: Vec3) -> Spectrum {
+        match self {
+            Self::Sun(l) => l.radiance(wi),
+            Self::Constant(l) => l.radiance,
+            Self::Environment(l) => l.radiance(wi),
+            _ => Spectrum::ZERO,
+        }
+    }
+
+    /// The density of `sample` for the unit direction `wi` of a ray that leaves the scene.
+    #[inline]
+    pub fn pdf_escaped(&self, ctx: &LightContext, wi: Vec3) -> f32 {
+        match self {
+            Self::Sun(l) => l.pdf(wi),
+            Self::Constant(l) => l.pdf(ctx, wi),
+            Self::Environment(l) => l.pdf(wi),
+            _ => 0.0,
+        }
+    }
+
+    /// Whether the light is infinitely far away.
+    #[inline]
+    pub fn is_infinite(&self) -> bool {
+        matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Constant(_) | Self::Environment(_))
+    }
+
+    /// Whether no ray can meet the light by chance.
+    #[inline]
+    pub fn is_delta(&self) -> bool {
+        matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
+    }
+
+    /// Where a finite light is and where it shines; `None` for infinite lights and those that give nothing.
+    pub fn bounds(&self) -> Option<LightBounds> {
+        let bounds = match self {
+            Self::Area(l) => l.bounds(),
+            Self::Point(l) => l.bounds(),
+            Self::Spot(l) => l.bounds(),
+            _ => return None,
+        };
+        (bounds.phi > 0.0 && bounds.bounds.min.is_finite() && bounds.bounds.max.is_finite()).then_some(bounds)
+    }
+}

@@ -1,0 +1,143 @@
+//! From emitting shapes and the description's lights to the scene's lights and their sampler.
+
+use std::collections::HashMap;
+
+use etendue_scene::desc::{Encoding, LightDesc, Param, SceneDesc};
+use etendue_scene::{Fault, RenderSettings, Severity, Span};
+
+use crate::light::{
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight,
+    SceneSphere, SpotLight,
+};
+use crate::scene::geometry::NONE;
+use crate::scene::{LightSource, Scene};
+use crate::spectrum::Spectrum;
+use crate::texture;
+
+/// Adds all lights of a scene whose geometry stands.
+///
+/// # Errors
+/// Faults of environment pictures and of the settings.
+pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings) -> Result<(), Vec<Fault>> {
+    add_emitting_objects(scene);
+    let mut faults = Vec::new();
+    for node in &desc.lights {
+        let found = make(desc, &node.value);
+        match found {
+            Ok(lights) => {
+                for light in lights {
+                    push(scene, light, 0);
+                }
+            }
+            Err(message) => faults.push(Fault { severity: Severity::Error, span: node.span, message }),
+        }
+    }
+    let sphere = scene_sphere(scene);
+    let name = settings.light_sampler.as_deref().unwrap_or("bvh");
+    let selection = match name {
+        "bvh" => LightSelection::Bvh,
+        "power" => LightSelection::Power,
+        "uniform" => LightSelection::Uniform,
+        _ => {
+            let message = format!("no light sampler `{name}`; there are bvh, power, uniform");
+            faults.push(Fault { severity: Severity::Error, span: Span::default(), message });
+            LightSelection::Uniform
+        }
+    };
+    scene.light_sampler = LightSampler::new(&scene.lights, &sphere, selection);
+    if faults.is_empty() { Ok(()) } else { Err(faults) }
+}
+
+/// The sphere around everything bounded: what infinite lights shine on.
+fn scene_sphere(scene: &Scene) -> SceneSphere {
+    let (center, radius) = scene.bounds.bounding_sphere();
+    if radius.is_finite() && radius > 0.0 {
+        SceneSphere { center, radius }
+    } else {
+        SceneSphere { center: crate::math::Vec3::ZERO, radius: 1.0 }
+    }
+}
+
+fn push(scene: &mut Scene, light: Light, group: u32) {
+    if light.is_infinite() {
+        scene.infinite_lights.push(scene.lights.len() as u32);
+    }
+    scene.lights.push(light);
+    scene.light_groups.push(group);
+}
+
+/// One area light for each primitive of each object of the world that emits.
+fn add_emitting_objects(scene: &mut Scene) {
+    let mut averages = HashMap::new();
+    for object_index in 0..scene.geometries[0].objects.len() {
+        let g = &scene.geometries[0];
+        let object = &g.objects[object_index];
+        let Some(emission) = object.emission else { continue };
+        let (radiance, textured) = match emission.radiance {
+            Param::Constant(c) => (Spectrum::from_rgb(c), false),
+            Param::Texture(id) => (*averages.entry(id).or_insert_with(|| scene.textures[id.0 as usize].average()), true),
+        };
+        if radiance.is_black() {
+            continue;
+        }
+        let triangle_count = g.triangles.len();
+        let first = object.first_primitive as usize;
+        let count = g.object_of_primitive[first..].iter().take_while(|o| **o as usize == object_index).count();
+        let flip_normals = object.flip_normals;
+        let lights: Vec<Light> = (first..first + count)
+            .map(|primitive| {
+                let geometry = match primitive.checked_sub(triangle_count) {
+                    None => AreaGeometry::Triangle(g.triangles[primitive].map(|i| g.positions[i as usize])),
+                    Some(shape) => AreaGeometry::Shape(Box::new(g.shapes[shape].clone())),
+                };
+                let flip_normals = flip_normals && primitive < triangle_count;
+                let emission_id = (scene.light_sources.len() + primitive - first) as u32;
+                Light::Area(AreaLight { geometry, radiance, emission_id, textured, two_sided: emission.two_sided, flip_normals })
+            })
+            .collect();
+        scene.geometries[0].objects[object_index].first_light = scene.lights.len() as u32;
+        for (i, light) in lights.into_iter().enumerate() {
+            scene.light_sources.push(LightSource { object: object_index as u32, primitive: (first + i) as u32 });
+            push(scene, light, emission.group);
+        }
+    }
+    debug_assert!(scene.geometries[1..].iter().flat_map(|g| &g.objects).all(|o| o.first_light == NONE));
+}
+
+/// The lights of one node of the description.
+fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
+    let nothing = || "the light's numbers make no light".to_owned();
+    Ok(match light {
+        LightDesc::Point { position, intensity } => {
+            vec![Light::Point(PointLight { p: *position, intensity: Spectrum::from_rgb(*intensity) })]
+        }
+        LightDesc::Spot { world_from_light, intensity, outer_rad, inner_rad, falloff, .. } => {
+            vec![Light::Spot(SpotLight::new(*world_from_light, *intensity, *inner_rad, *outer_rad, *falloff).ok_or_else(nothing)?)]
+        }
+        LightDesc::Directional { direction, irradiance } => {
+            vec![Light::Directional(DirectionalLight::new(*direction, *irradiance).ok_or_else(nothing)?)]
+        }
+        LightDesc::Constant { radiance } => vec![Light::Constant(ConstantLight { radiance: Spectrum::from_rgb(*radiance) })],
+        LightDesc::Environment { image, scale, world_from_light } => {
+            let texels = texture::decode(desc, *image, Encoding::Auto)?;
+            let pixels = (0..texels.height).flat_map(|y| (0..texels.width).map(move |x| (x, y)));
+            let rgb = pixels.map(|(x, y)| texels.get(x, y)).map(|[r, g, b, _]| [r, g, b]).collect();
+            let size = (texels.width as usize, texels.height as usize);
+            let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false).ok_or_else(nothing)?;
+            vec![Light::Environment(Box::new(light))]
+        }
+        LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky),
+    })
+}
+
+impl texture::Texture {
+    /// The mean color over the texture coordinates' unit square: what a light that it colors gives on the whole.
+    fn average(&self) -> Spectrum {
+        match self {
+            Self::Constant(c) => *c,
+            Self::Bitmap(b) => b.average(),
+            // Not black, so that the light is sampled; where it is bright is found at the samples.
+            _ => Spectrum::from_rgb([0.5; 3]),
+        }
+    }
+}
