@@ -43,14 +43,21 @@ fn channels_of(layer: &str, count: usize) -> Vec<String> {
 
 /// The layers by name, each an array of shape (height, width, channels).
 pub fn to_python<'py>(py: Python<'py>, image: &Image) -> PyResult<Bound<'py, PyDict>> {
+    // Files may order channels by name: B, G, R.
+    const ORDER: &str = "RGBAXYZUV";
+    let rank = |name: &str| name.chars().last().and_then(|c| ORDER.find(c));
+    let mut channels: Vec<_> = image.channels.iter().collect();
+    channels.sort_by_key(|c| rank(&c.name));
     let mut layers: Vec<(String, Vec<&[f32]>)> = Vec::new();
-    for channel in &image.channels {
+    for channel in channels {
         let name = layer_of(&channel.name);
         match layers.iter_mut().find(|(n, _)| *n == name) {
             Some((_, planes)) => planes.push(&channel.data),
             None => layers.push((name, vec![&channel.data])),
         }
     }
+    // The picture first.
+    layers.sort_by_key(|(name, _)| name != "rgb");
     let shape = |channels: usize| [image.height as usize, image.width as usize, channels];
     let out = PyDict::new(py);
     for (name, planes) in layers {
