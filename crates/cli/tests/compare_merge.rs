@@ -1,5 +1,8 @@
 //! `etendue compare` and `etendue merge` as a script sees them.
 
+// `allow-unwrap-in-tests` does not reach the helpers of integration tests.
+#![allow(clippy::unwrap_used)]
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 

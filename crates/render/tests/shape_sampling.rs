@@ -302,9 +302,8 @@ fn areas_are_known_and_samples_are_uniform() {
     // The circumference of an ellipse of half-axes 1 and 2 is 9.688 448.
     let cylinder = Cylinder::from_transform(Vec3::ZERO, Vec3::Z, 1.0, placed(Vec3::new(1.0, 2.0, 3.0)), false).unwrap();
     known(&Shape::Cylinder(cylinder), 3.0 * 9.688_448);
-    // The points of a pentagram alone: its five tips, with area 10 tan(18°) / (5 − …) taken from its corners; the frame is 1.6² − 0.6².
-    let inner = (PI * 0.3).cos().recip() * (PI * 0.1).sin() / (PI * 0.2).cos() * (PI * 0.3).cos();
-    let tips = 5.0 * inner * (PI / 5.0).sin() - 2.5 * inner * inner * (TAU / 5.0).sin();
+    // The tips of a pentagram alone (of radius 1; its inner pentagon has radius 0.381 966), and the frame.
+    let tips = 5.0 * 0.381_966 * 0.587_785 - 2.5 * 0.381_966 * 0.381_966 * 0.951_057;
     let polygon = Polygon::from_transform(&star(), Mat4::IDENTITY, false).unwrap();
     known(&Shape::Polygon(polygon), tips + 1.6 * 1.6 - 0.6 * 0.6);
 

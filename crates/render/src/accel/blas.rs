@@ -1,6 +1,7 @@
 //! The lower level: triangles and analytic shapes in one hierarchy.
 #![allow(unsafe_code)]
 
+use super::Ray;
 use super::bins::PrimRef;
 use super::build::{self, MAX_DEPTH};
 use super::emit::{Source, emit};
@@ -49,7 +50,7 @@ impl Items for Shapes {
         let (shape, bounds) = &self.shapes[item as usize];
         // The ray's own interval, not the one up to the best hit: a hit must not depend on what was found before.
         if let Some(near) = ray.enters(bounds)
-            && let Some(h) = shape.intersect(&ray.ray)
+            && let Some(h) = shape.intersect(&ray.ray())
         {
             best.offer(h.t.max(near), h.u, h.v, self.first + item);
         }
@@ -58,7 +59,7 @@ impl Items for Shapes {
     #[inline]
     fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool {
         let (shape, bounds) = &self.shapes[item as usize];
-        ray.enters(bounds).is_some_and(|near| shape.intersect(&ray.ray).is_some_and(|h| h.t.max(near) <= t_last))
+        ray.enters(bounds).is_some_and(|near| shape.intersect(&ray.ray()).is_some_and(|h| h.t.max(near) <= t_last))
     }
 }
 
@@ -124,81 +125,102 @@ impl Blas {
 
     /// Offers all hits of a ray in this space to `best`.
     #[inline]
-    pub(super) fn closest(&self, isa: IsaKind, ray: &Prepared, best: &mut Best) {
+    pub(super) fn closest(&self, isa: IsaKind, ray: &Ray, best: &mut Best) {
         for &i in &self.unbounded {
-            if let Some(h) = self.shapes.shapes[i as usize].0.intersect(&ray.ray) {
+            if let Some(h) = self.shapes.shapes[i as usize].0.intersect(ray) {
                 best.offer(h.t, h.u, h.v, self.shapes.first + i);
             }
         }
+        let Ray { o, d, .. } = *ray;
         // SAFETY: `isa` comes from detection, and the root and arena from one build.
         unsafe {
             match isa {
                 IsaKind::Portable => self.closest_in::<Portable>(ray, best),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx2 => self.closest_avx2(ray, best),
+                IsaKind::Avx2 => self.closest_avx2(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max, best),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx512 => self.closest_avx512(ray, best),
+                IsaKind::Avx512 => self.closest_avx512(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max, best),
             }
         }
     }
 
     /// Whether a ray in this space hits anything at `t_last` or before.
     #[inline]
-    pub(super) fn any(&self, isa: IsaKind, ray: &Prepared, t_last: f32) -> bool {
-        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(&ray.ray).is_some_and(|h| h.t <= t_last);
+    pub(super) fn any(&self, isa: IsaKind, ray: &Ray, t_last: f32) -> bool {
+        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(ray).is_some_and(|h| h.t <= t_last);
         if self.unbounded.iter().any(hit) {
             return true;
         }
+        let Ray { o, d, .. } = *ray;
         // SAFETY: as above.
         unsafe {
             match isa {
                 IsaKind::Portable => self.any_in::<Portable>(ray, t_last),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx2 => self.any_avx2(ray, t_last),
+                IsaKind::Avx2 => self.any_avx2(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max),
                 #[cfg(target_arch = "x86_64")]
-                IsaKind::Avx512 => self.any_avx512(ray, t_last),
+                IsaKind::Avx512 => self.any_avx512(o.x, o.y, o.z, d.x, d.y, d.z, ray.t_min, ray.t_max),
             }
         }
     }
 
     #[inline(always)]
-    unsafe fn closest_in<I: Isa>(&self, ray: &Prepared, best: &mut Best) {
+    unsafe fn closest_in<I: Isa>(&self, ray: &Ray, best: &mut Best) {
+        // Prepared here, after inlining in registers: what is written in small pieces and read in large ones stalls.
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::closest::<I>(self.arena.base(), self.root, ray, best, &self.shapes) }
+        unsafe {
+            if let Some(ray) = Prepared::new::<I>(ray) {
+                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &self.shapes);
+            }
+        }
     }
 
     #[inline(always)]
-    unsafe fn any_in<I: Isa>(&self, ray: &Prepared, t_last: f32) -> bool {
+    unsafe fn any_in<I: Isa>(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::any::<I>(self.arena.base(), self.root, ray, t_last, &self.shapes) }
+        unsafe {
+            match Prepared::new::<I>(ray) {
+                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &self.shapes),
+                None => false,
+            }
+        }
     }
 
+    // The ray comes in registers: read from memory in vectors, just after it was written by the number, it would stall.
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn closest_avx2(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx2(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32, best: &mut Best) {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: this function is only called where the machine has the instruction set.
-        unsafe { self.closest_in::<Avx2>(ray, best) }
+        unsafe { self.closest_in::<Avx2>(&ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn closest_avx512(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx512(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32, best: &mut Best) {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.closest_in::<Avx512>(ray, best) }
+        unsafe { self.closest_in::<Avx512>(&ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn any_avx2(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx2(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32) -> bool {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.any_in::<Avx2>(ray, t_last) }
+        unsafe { self.any_in::<Avx2>(&ray, t_max.next_down()) }
     }
 
     #[cfg(target_arch = "x86_64")]
+    #[allow(clippy::too_many_arguments)]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn any_avx512(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx512(&self, ox: f32, oy: f32, oz: f32, dx: f32, dy: f32, dz: f32, t_min: f32, t_max: f32) -> bool {
+        let ray = Ray { o: Vec3::new(ox, oy, oz), d: Vec3::new(dx, dy, dz), t_min, t_max };
         // SAFETY: as above.
-        unsafe { self.any_in::<Avx512>(ray, t_last) }
+        unsafe { self.any_in::<Avx512>(&ray, t_max.next_down()) }
     }
 
     /// Checks the hierarchy: references point into the arena, depth stays below the stack's, and every triangle and

@@ -12,7 +12,7 @@ const SAH_DEPTH: u32 = 44;
 /// No tree is deeper.
 pub(super) const MAX_DEPTH: usize = SAH_DEPTH as usize + 34;
 /// Cost of testing a node's eight boxes, where testing a block of triangles costs 1.
-const NODE_COST: f32 = 1.0;
+const NODE_COST: f32 = 2.0;
 /// Ranges that are worth a task of their own.
 const TASK: usize = 4096;
 /// References that one task sorts into bins.

@@ -1,7 +1,8 @@
 //! What traversal needs to know of a ray, computed once.
+#![allow(unsafe_code)]
 
 use super::Ray;
-use super::simd::{LANES, WIDTH};
+use super::simd::{Isa, LANES, WIDTH};
 use crate::math::{Aabb, Vec3};
 
 /// Half a unit in the last place of 1: the relative error of one operation.
@@ -16,86 +17,112 @@ pub(super) const LIMIT: f32 = 1e18;
 /// that, boxes of nodes by more again, so that whatever rounding the machine uses, a ray that enters a primitive's box
 /// (as [`Prepared::enters`] defines it) enters all boxes around it, and not later.
 pub(super) struct Prepared {
-    pub ray: Ray,
+    /// Ends of the interval; the lower one is not negative.
+    pub t_min: f32,
+    pub t_max: f32,
     /// 1/d for entering planes, and (1 + 32U)/d for leaving ones.
-    pub inv_near: [f32; 3],
-    pub inv_far: [f32; 3],
+    pub inv_near: Lanes4,
+    pub inv_far: Lanes4,
     /// -o/d lowered for entering planes, raised and scaled for leaving ones.
-    pub off_near: [f32; 3],
-    pub off_far: [f32; 3],
-    /// Byte offsets of entering and leaving planes in a node.
+    pub off_near: Lanes4,
+    pub off_far: Lanes4,
+    /// Byte offsets of entering planes in a node; the leaving ones are at the offset with the bit [`OPPOSITE`] flipped.
     pub near_at: [usize; 3],
-    pub far_at: [usize; 3],
     /// Axes permuted so that |d| is largest along the last, as offsets in a block's vertex in floats.
     pub axes: [usize; 3],
+    /// Origin and direction.
+    o: [f32; 4],
+    d: [f32; 4],
     /// Origin by permuted axes, and the shear that turns the ray to the unit vector along the last (Woop et al. 2013).
     pub origin: [f32; 3],
     pub shear: [f32; 3],
-    /// Twice the largest allowance of a primitive's box: -o/d and what it may be off.
-    prim_off: [(f32, f32); 3],
+    /// -o/d, and how much later or earlier axis-parallel rays may enter and leave.
+    off: Lanes4,
+    extra: Lanes4,
 }
+
+/// Numbers for x, y and z, with a fourth lane that means nothing. Written and read whole or by lane: reading a pair of
+/// floats that were written one by one would stall.
+#[repr(C, align(16))]
+pub(super) struct Lanes4(pub [f32; 4]);
+
+/// Bytes between the lower and the upper planes of an axis in a node.
+pub(super) const OPPOSITE: usize = WIDTH * 4;
+const _: () = assert!(LANES == 4);
 
 /// Distances up to the nearest hit are scaled by this before they are compared with entering distances.
 pub(super) const FAR_SCALE: f32 = 1.0 + 32.0 * U;
 
 impl Prepared {
-    /// None for rays that hit nothing: no direction, not a number, an empty interval.
+    /// None for rays that hit nothing: no direction (below 1e-12), not a number, from beyond 1e18, an empty interval.
+    ///
+    /// # Safety
+    /// The machine has the instruction set.
     #[inline(always)]
-    pub(super) fn new(ray: &Ray) -> Option<Self> {
-        let o = ray.o.to_array();
-        let d = ray.d.to_array();
-        let abs = [d[0].abs(), d[1].abs(), d[2].abs()];
-        let kz = if abs[0] > abs[1] {
-            if abs[0] > abs[2] { 0 } else { 2 }
-        } else if abs[1] > abs[2] {
-            1
-        } else {
-            2
-        };
-        let largest = abs[kz];
-        let sum = (o[0] + o[1] + o[2]) + (d[0] + d[1] + d[2]);
-        if !(largest > 1e-30 && sum.is_finite() && ray.t_min < ray.t_max) {
+    pub(super) unsafe fn new<I: Isa>(ray: &Ray) -> Option<Self> {
+        let (o, d) = (ray.o, ray.d);
+        let abs = [d.x.abs(), d.y.abs(), d.z.abs()];
+        // Without branches: the largest component is as good as random.
+        let first = if abs[0] > abs[1] { abs[0] } else { abs[1] };
+        let largest = if first > abs[2] { first } else { abs[2] };
+        let one = usize::from(abs[0] <= abs[1]);
+        let two = usize::from(first <= abs[2]);
+        let kz = (one + (2 - one) * two) & 3;
+        // Comparisons are written so that they fail for NaN.
+        let far = o.x.abs() <= LIMIT && o.y.abs() <= LIMIT && o.z.abs() <= LIMIT;
+        let sum = d.x + d.y + d.z;
+        if !(largest >= 1e-12 && far && sum.is_finite() && ray.t_min < ray.t_max) {
             return None;
         }
-        let (kx, ky) = if kz == 2 {
-            (0, 1)
-        } else if kz == 0 {
-            (1, 2)
-        } else {
-            (2, 0)
-        };
+        const NEXT: [[usize; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
+        let [kx, ky] = NEXT[kz];
         // Nearly axis-parallel: the quotient would overflow. A direction of 1e-20 of the largest component moves nowhere,
-        // and the allowance of 1e10 in t makes the planes inclusive.
-        let tiny = largest * 1e-20;
-        let mut p = Self {
-            ray: Ray { o: ray.o, d: ray.d, t_min: ray.t_min.max(0.0) + 0.0, t_max: ray.t_max },
-            inv_near: [0.0; 3],
-            inv_far: [0.0; 3],
-            off_near: [0.0; 3],
-            off_far: [0.0; 3],
-            near_at: [0; 3],
-            far_at: [0; 3],
-            axes: [kx * LANES, ky * LANES, kz * LANES],
-            origin: [o[kx], o[ky], o[kz]],
-            shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
-            prim_off: [(0.0, 0.0); 3],
-        };
-        for k in 0..3 {
-            let parallel = abs[k] < tiny;
-            let inv = 1.0 / if parallel { tiny.copysign(d[k]) } else { d[k] };
-            let off = -(o[k] * inv);
-            let extra = if parallel { 1e10 / largest } else { 0.0 };
-            let slack = off.abs() * (16.0 * U) + 2.0 * extra;
-            p.inv_near[k] = inv;
-            p.inv_far[k] = inv * FAR_SCALE;
-            p.off_near[k] = off - slack;
-            p.off_far[k] = (off + slack) * FAR_SCALE;
-            p.prim_off[k] = (off, off.abs() * (6.0 * U) + extra);
-            let lower = 2 * k * WIDTH * 4;
-            let upper = lower + WIDTH * 4;
-            (p.near_at[k], p.far_at[k]) = if inv > 0.0 { (lower, upper) } else { (upper, lower) };
+        // and the allowance of 1e10 in t makes the planes inclusive. With these limits no box test meets NaN.
+        let tiny = (largest * 1e-20).max(1e-19);
+        let ten = 1e10 / largest;
+        let clamp = |d: f32, abs: f32| if abs < tiny { tiny.copysign(d) } else { d };
+        let allow = |abs: f32| if abs < tiny { ten } else { 0.0 };
+        // SAFETY: the caller vouches for the instruction set, and the arrays are aligned.
+        unsafe {
+            let store = |x: I::B| {
+                let mut a = Lanes4([0.0; 4]);
+                I::b_store(a.0.as_mut_ptr(), x);
+                a
+            };
+            let (o4, d4) = (I::b_set(o.x, o.y, o.z, 0.0), I::b_set(d.x, d.y, d.z, 1.0));
+            let clamped = I::b_set(clamp(d.x, abs[0]), clamp(d.y, abs[1]), clamp(d.z, abs[2]), 1.0);
+            let extra = I::b_set(allow(abs[0]), allow(abs[1]), allow(abs[2]), 0.0);
+            let inv = I::b_div(I::b_splat(1.0), clamped);
+            let minus = I::b_mul(o4, inv);
+            let off = I::b_sub(I::b_splat(0.0), minus);
+            let slack = I::b_add(I::b_mul(I::b_max(minus, off), I::b_splat(16.0 * U)), I::b_add(extra, extra));
+            let scale = I::b_splat(FAR_SCALE);
+            let (o, d) = (store(o4).0, store(d4).0);
+            let inv_z = 1.0 / d[kz];
+            let upper = |d: f32| ((d.to_bits() >> 31) as usize) * OPPOSITE;
+            Some(Self {
+                t_min: ray.t_min.max(0.0) + 0.0,
+                t_max: ray.t_max,
+                inv_near: store(inv),
+                inv_far: store(I::b_mul(inv, scale)),
+                off_near: store(I::b_sub(off, slack)),
+                off_far: store(I::b_mul(I::b_add(off, slack), scale)),
+                near_at: [upper(ray.d.x), upper(ray.d.y) + 2 * OPPOSITE, upper(ray.d.z) + 4 * OPPOSITE],
+                axes: [kx * LANES, ky * LANES, kz * LANES],
+                o,
+                d,
+                origin: [o[kx], o[ky], o[kz]],
+                shear: [d[kx] / d[kz], d[ky] / d[kz], inv_z],
+                off: store(off),
+                extra: store(extra),
+            })
         }
-        Some(p)
+    }
+
+    /// The ray again.
+    pub(super) fn ray(&self) -> Ray {
+        let v = |a: &[f32; 4]| Vec3::new(a[0], a[1], a[2]);
+        Ray { o: v(&self.o), d: v(&self.d), t_min: self.t_min, t_max: self.t_max }
     }
 
     /// Where the ray enters a primitive's own box, if it does. All instruction sets compute this with the same bits, and
@@ -104,14 +131,14 @@ impl Prepared {
     #[inline(always)]
     pub(super) fn enters(&self, b: &Aabb) -> Option<f32> {
         let (lo, hi) = (b.min.to_array(), b.max.to_array());
-        let mut near = self.ray.t_min;
+        let mut near = self.t_min;
         let mut far = f32::INFINITY;
         for k in 0..3 {
-            let inv = self.inv_near[k];
-            let (off, slack) = self.prim_off[k];
-            let (a, b) = if inv > 0.0 { (lo[k], hi[k]) } else { (hi[k], lo[k]) };
-            let t0 = a * inv + (off - slack);
-            let t1 = b * inv + (off + slack);
+            let (inv, off) = (self.inv_near.0[k], self.off.0[k]);
+            let slack = off.abs() * (6.0 * U) + self.extra.0[k];
+            let (a, b) = (lo[k] * inv, hi[k] * inv);
+            let t0 = (if a < b { a } else { b }) + (off - slack);
+            let t1 = (if a > b { a } else { b }) + (off + slack);
             near = if t0 > near { t0 } else { near };
             far = if t1 < far { t1 } else { far };
         }

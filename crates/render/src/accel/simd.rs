@@ -65,9 +65,12 @@ pub(super) trait Isa: Copy {
     unsafe fn load(p: *const f32) -> Self::F;
     /// a b + c, fused or not.
     unsafe fn mul_add(a: Self::F, b: Self::F, c: Self::F) -> Self::F;
+    /// Minimum for numbers, not NaN, where all that matters of a negative result is that it is negative: the order of
+    /// bits as integers does, which is faster than comparing numbers.
     unsafe fn min(a: Self::F, b: Self::F) -> Self::F;
+    /// Maximum, with the same proviso.
     unsafe fn max(a: Self::F, b: Self::F) -> Self::F;
-    /// A bit for each lane where a ≤ b.
+    /// A bit for each lane where a ≤ b, for a not negative.
     unsafe fn le(a: Self::F, b: Self::F) -> u32;
     /// Writes the children in `mask` (at least two bits) in the order of falling distance to `keys` and `children`, for
     /// which eight lanes must be writable, and returns the lane of the nearest, the last one written. Distances are not
@@ -77,6 +80,7 @@ pub(super) trait Isa: Copy {
     unsafe fn push(mask: u32, refs: *const u32, children: *mut u32);
 
     unsafe fn b_splat(x: f32) -> Self::B;
+    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B;
     unsafe fn b_load(p: *const f32) -> Self::B;
     unsafe fn b_store(p: *mut f32, x: Self::B);
     unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B;
@@ -173,6 +177,10 @@ impl Isa for Portable {
     #[inline(always)]
     unsafe fn b_splat(x: f32) -> Self::B {
         [x; LANES]
+    }
+    #[inline(always)]
+    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B {
+        [a, b, c, d]
     }
     #[inline(always)]
     unsafe fn b_load(p: *const f32) -> Self::B {
@@ -299,15 +307,25 @@ mod x86 {
             }
             #[inline(always)]
             unsafe fn min(a: __m256, b: __m256) -> __m256 {
-                unsafe { _mm256_min_ps(a, b) }
+                unsafe {
+                    let m = _mm256_min_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b));
+                    _mm256_castsi256_ps(m)
+                }
             }
             #[inline(always)]
             unsafe fn max(a: __m256, b: __m256) -> __m256 {
-                unsafe { _mm256_max_ps(a, b) }
+                unsafe {
+                    let m = _mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b));
+                    _mm256_castsi256_ps(m)
+                }
             }
             #[inline(always)]
             unsafe fn b_splat(x: f32) -> __m128 {
                 unsafe { _mm_set1_ps(x) }
+            }
+            #[inline(always)]
+            unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> __m128 {
+                unsafe { _mm_setr_ps(a, b, c, d) }
             }
             #[inline(always)]
             unsafe fn b_load(p: *const f32) -> __m128 {
@@ -350,7 +368,10 @@ mod x86 {
 
         #[inline(always)]
         unsafe fn le(a: __m256, b: __m256) -> u32 {
-            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32 }
+            unsafe {
+                let gt = _mm256_cmpgt_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b));
+                !(_mm256_movemask_ps(_mm256_castsi256_ps(gt)) as u32) & 0xff
+            }
         }
         #[inline(always)]
         unsafe fn push_sorted(near: __m256, mask: u32, refs: *const u32, keys: *mut i32, children: *mut u32) -> usize {
@@ -391,7 +412,7 @@ mod x86 {
 
         #[inline(always)]
         unsafe fn le(a: __m256, b: __m256) -> u32 {
-            unsafe { u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b)) }
+            unsafe { u32::from(_mm256_cmple_epi32_mask(_mm256_castps_si256(a), _mm256_castps_si256(b))) }
         }
         #[inline(always)]
         unsafe fn push_sorted(near: __m256, mask: u32, refs: *const u32, keys: *mut i32, children: *mut u32) -> usize {

@@ -116,11 +116,10 @@ impl Accel {
     /// The nearest hit; among equally near ones that of the lowest (instance, primitive).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
-        let prepared = Prepared::new(ray)?;
         let mut best = Best::new(ray.t_max);
         match self.single {
-            Some(blas) => self.blases[blas as usize].closest(self.isa, &prepared, &mut best),
-            None => self.closest(&prepared, &mut best),
+            Some(blas) => self.blases[blas as usize].closest(self.isa, ray, &mut best),
+            None => self.closest(ray, &mut best),
         }
         let Best { t, u, v, prim, instance, .. } = best;
         (instance != u32::MAX).then_some(Hit { t, u, v, prim, instance })
@@ -129,17 +128,16 @@ impl Accel {
     /// Whether there is any hit, at less cost than finding the nearest.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        let Some(prepared) = Prepared::new(ray) else { return false };
         let t_last = ray.t_max.next_down();
         match self.single {
-            Some(blas) => self.blases[blas as usize].any(self.isa, &prepared, t_last),
-            None => self.any(&prepared, t_last),
+            Some(blas) => self.blases[blas as usize].any(self.isa, ray, t_last),
+            None => self.any(ray, t_last),
         }
     }
 
-    fn closest(&self, ray: &Prepared, best: &mut Best) {
+    fn closest(&self, ray: &Ray, best: &mut Best) {
         let items = Instances { accel: self };
-        self.unbounded.iter().for_each(|&i| items.closest(i, ray, best));
+        self.unbounded.iter().for_each(|&i| items.trace(i, ray, best));
         // SAFETY: the instruction set comes from detection, and the root and arena from one build.
         unsafe {
             match self.isa {
@@ -152,9 +150,9 @@ impl Accel {
         }
     }
 
-    fn any(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any(&self, ray: &Ray, t_last: f32) -> bool {
         let items = Instances { accel: self };
-        if self.unbounded.iter().any(|&i| items.any(i, ray, t_last)) {
+        if self.unbounded.iter().any(|&i| items.occluded(i, ray, t_last)) {
             return true;
         }
         // SAFETY: as above.
@@ -170,41 +168,50 @@ impl Accel {
     }
 
     #[inline(always)]
-    unsafe fn closest_in<I: Isa>(&self, ray: &Prepared, best: &mut Best) {
+    unsafe fn closest_in<I: Isa>(&self, ray: &Ray, best: &mut Best) {
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::closest::<I>(self.arena.base(), self.root, ray, best, &Instances { accel: self }) }
+        unsafe {
+            if let Some(ray) = Prepared::new::<I>(ray) {
+                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &Instances { accel: self });
+            }
+        }
     }
 
     #[inline(always)]
-    unsafe fn any_in<I: Isa>(&self, ray: &Prepared, t_last: f32) -> bool {
+    unsafe fn any_in<I: Isa>(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: the caller vouches for the instruction set.
-        unsafe { traverse::any::<I>(self.arena.base(), self.root, ray, t_last, &Instances { accel: self }) }
+        unsafe {
+            match Prepared::new::<I>(ray) {
+                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &Instances { accel: self }),
+                None => false,
+            }
+        }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn closest_avx2(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx2(&self, ray: &Ray, best: &mut Best) {
         // SAFETY: this function is only called where the machine has the instruction set.
         unsafe { self.closest_in::<Avx2>(ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn closest_avx512(&self, ray: &Prepared, best: &mut Best) {
+    fn closest_avx512(&self, ray: &Ray, best: &mut Best) {
         // SAFETY: as above.
         unsafe { self.closest_in::<Avx512>(ray, best) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt")]
-    fn any_avx2(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx2(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: as above.
         unsafe { self.any_in::<Avx2>(ray, t_last) }
     }
 
     #[cfg(target_arch = "x86_64")]
     #[target_feature(enable = "avx2,fma,bmi1,popcnt,avx512f,avx512vl")]
-    fn any_avx512(&self, ray: &Prepared, t_last: f32) -> bool {
+    fn any_avx512(&self, ray: &Ray, t_last: f32) -> bool {
         // SAFETY: as above.
         unsafe { self.any_in::<Avx512>(ray, t_last) }
     }
@@ -216,32 +223,34 @@ struct Instances<'a> {
 }
 
 impl Instances<'_> {
-    /// The ray in an instance's space. Its direction is not normalized, so t means the same.
-    fn object_ray(&self, placed: &Placed, ray: &Prepared) -> Option<Prepared> {
+    /// The hierarchy of an instance, and the ray in its space. The direction is not normalized, so t means the same.
+    fn enter(&self, item: u32, ray: &Ray) -> (&Blas, Ray) {
+        let placed = &self.accel.placed[item as usize];
+        let blas = &self.accel.blases[placed.blas as usize];
         let m = &placed.object_from_world;
-        Prepared::new(&Ray { o: m.transform_point3(ray.ray.o), d: m.transform_vector3(ray.ray.d), ..ray.ray })
+        let inner = || Ray { o: m.transform_point3(ray.o), d: m.transform_vector3(ray.d), ..*ray };
+        (blas, if placed.identity { *ray } else { inner() })
+    }
+
+    fn trace(&self, item: u32, ray: &Ray, best: &mut Best) {
+        let (blas, ray) = self.enter(item, ray);
+        best.current = item;
+        blas.closest(self.accel.isa, &ray, best);
+    }
+
+    fn occluded(&self, item: u32, ray: &Ray, t_last: f32) -> bool {
+        let (blas, ray) = self.enter(item, ray);
+        blas.any(self.accel.isa, &ray, t_last)
     }
 }
 
 impl Items for Instances<'_> {
     fn closest(&self, item: u32, ray: &Prepared, best: &mut Best) {
-        let placed = &self.accel.placed[item as usize];
-        let blas = &self.accel.blases[placed.blas as usize];
-        best.current = item;
-        if placed.identity {
-            blas.closest(self.accel.isa, ray, best);
-        } else if let Some(ray) = self.object_ray(placed, ray) {
-            blas.closest(self.accel.isa, &ray, best);
-        }
+        self.trace(item, &ray.ray(), best);
     }
 
     fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool {
-        let placed = &self.accel.placed[item as usize];
-        let blas = &self.accel.blases[placed.blas as usize];
-        if placed.identity {
-            return blas.any(self.accel.isa, ray, t_last);
-        }
-        self.object_ray(placed, ray).is_some_and(|ray| blas.any(self.accel.isa, &ray, t_last))
+        self.occluded(item, &ray.ray(), t_last)
     }
 }
 

@@ -2,7 +2,7 @@
 #![allow(unsafe_code)]
 
 use super::layout::{BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
-use super::ray::{FAR_SCALE, Prepared};
+use super::ray::{FAR_SCALE, Lanes4, OPPOSITE, Prepared};
 use super::simd::{Isa, LANES};
 use crate::math::{Aabb, Vec3};
 use std::mem::MaybeUninit;
@@ -92,7 +92,7 @@ unsafe fn test_block<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut tak
         let scaled = I::b_add(I::b_add(I::b_mul(u, az), I::b_mul(v, bz)), I::b_mul(w, cz));
         let t = I::b_div(I::b_mul(scaled, I::b_splat(ray.shear[2])), det);
         // A quotient by zero is infinite or not a number, and fails here.
-        let mut hits = sided & I::b_lt(I::b_splat(ray.ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
+        let mut hits = sided & I::b_lt(I::b_splat(ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
         if hits == 0 {
             return false;
         }
@@ -124,15 +124,14 @@ unsafe fn test_node<I: Isa>(node: *const u8, r: &Lanes<I>, ray: &Prepared, limit
                 I::mul_add(plane(ray.near_at[0]), r.inv_near[0], r.off_near[0]),
                 I::mul_add(plane(ray.near_at[1]), r.inv_near[1], r.off_near[1]),
             ),
-            // The second operand is what comes out of a comparison with NaN, and +0 for two zeros.
             I::max(I::mul_add(plane(ray.near_at[2]), r.inv_near[2], r.off_near[2]), r.t_min),
         );
         let far = I::min(
             I::min(
-                I::mul_add(plane(ray.far_at[0]), r.inv_far[0], r.off_far[0]),
-                I::mul_add(plane(ray.far_at[1]), r.inv_far[1], r.off_far[1]),
+                I::mul_add(plane(ray.near_at[0] ^ OPPOSITE), r.inv_far[0], r.off_far[0]),
+                I::mul_add(plane(ray.near_at[1] ^ OPPOSITE), r.inv_far[1], r.off_far[1]),
             ),
-            I::min(I::mul_add(plane(ray.far_at[2]), r.inv_far[2], r.off_far[2]), limit),
+            I::min(I::mul_add(plane(ray.near_at[2] ^ OPPOSITE), r.inv_far[2], r.off_far[2]), limit),
         );
         (near, I::le(near, far))
     }
@@ -152,13 +151,13 @@ impl<I: Isa> Lanes<I> {
     unsafe fn new(ray: &Prepared) -> Self {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
-            let all = |a: &[f32; 3]| [I::splat(a[0]), I::splat(a[1]), I::splat(a[2])];
+            let all = |a: &Lanes4| [I::splat(a.0[0]), I::splat(a.0[1]), I::splat(a.0[2])];
             Self {
                 inv_near: all(&ray.inv_near),
                 inv_far: all(&ray.inv_far),
                 off_near: all(&ray.off_near),
                 off_far: all(&ray.off_far),
-                t_min: I::splat(ray.ray.t_min),
+                t_min: I::splat(ray.t_min),
             }
         }
     }
@@ -178,6 +177,19 @@ unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
         let p = base.add((child >> 3) as usize * UNIT).cast::<Unit>().cast::<u32>();
         std::slice::from_raw_parts(p.add(1), *p as usize)
     }
+}
+
+/// Kept out of line, so that the registers of the loop around it are not planned for calls.
+#[cold]
+#[inline(never)]
+fn closest_in_list(list: &[u32], ray: &Prepared, best: &mut Best, items: &impl Items) {
+    list.iter().for_each(|&item| items.closest(item, ray, best));
+}
+
+#[cold]
+#[inline(never)]
+fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    list.iter().any(|&item| items.any(item, ray, t_last))
 }
 
 /// Offers all hits below `root` to `best`.
@@ -213,9 +225,7 @@ pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared,
             }
             if current != 0 {
                 if current & 7 == TAG_ITEMS {
-                    for &item in list(base, current) {
-                        items.closest(item, ray, best);
-                    }
+                    closest_in_list(list(base, current), ray, best, items);
                 } else {
                     let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
                     for i in 0..(current & 7) as usize {
@@ -271,10 +281,8 @@ pub(super) unsafe fn any<I: Isa>(base: *const u8, root: u32, ray: &Prepared, t_l
                 }
             }
             if current & 7 == TAG_ITEMS {
-                for &item in list(base, current) {
-                    if items.any(item, ray, t_last) {
-                        return true;
-                    }
+                if any_in_list(list(base, current), ray, t_last, items) {
+                    return true;
                 }
             } else {
                 let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();

@@ -10,8 +10,8 @@
 //! The albedos are those of the direction towards the camera, so f(a, b) ≠ f(b, a) for layered and rough materials.
 //! For [`TransportMode::Importance`] the arguments are exchanged: light and camera paths estimate the same picture.
 //!
-//! There are no delta lobes, alpha is at least 0.001, with one exception: transmission that changes no direction, which is
-//! that of smooth thin walls (roughness below 0.032) and of solids with an index within 0.001 of one.
+//! There are no delta lobes, alpha is at least 0.0001, with one exception: transmission that changes no direction, which is
+//! that of smooth thin walls (roughness below 0.01) and of solids with an index within 0.001 of one.
 //!
 //! Back side (`wo.z < 0`): thin walls and diffuse transmission look the same from both sides; solids with transmission
 //! show their interface from inside (do not turn their normals); everything else is black.
@@ -22,13 +22,13 @@ mod sheen;
 mod tables;
 
 use super::microfacet::Microfacet;
-use super::{BsdfSample, Lobe, TransportMode, fresnel};
+use super::{BsdfSample, Lobe, TransportMode};
 use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3, fns, warp};
 use crate::spectrum::Spectrum;
 use layers::{Layers, STRATEGIES};
 
 /// The least roughness alpha of any lobe.
-const MIN_ALPHA: f32 = 1e-3;
+const MIN_ALPHA: f32 = Microfacet::MIN_ALPHA;
 
 /// The glTF material at a point. Factors in [0, 1] unless said otherwise; the default is glTF's, but not metallic.
 #[derive(Clone, Debug)]
@@ -140,7 +140,7 @@ impl Pbr {
 
     /// The direction in the frame that has the anisotropy along x, and turned up where the back side is like the front.
     #[inline]
-    fn to_lobe_frame(&self, v: Vec3, mirror: bool) -> Vec3 {
+    fn lobe_from_local(&self, v: Vec3, mirror: bool) -> Vec3 {
         let v = if mirror { mirror_z(v) } else { v };
         if self.anisotropy <= 0.0 || self.anisotropy_rotation == 0.0 {
             return v;
@@ -150,7 +150,7 @@ impl Pbr {
     }
 
     #[inline]
-    fn from_lobe_frame(&self, v: Vec3, mirror: bool) -> Vec3 {
+    fn local_from_lobe(&self, v: Vec3, mirror: bool) -> Vec3 {
         let v = if mirror { mirror_z(v) } else { v };
         if self.anisotropy <= 0.0 || self.anisotropy_rotation == 0.0 {
             return v;
@@ -166,7 +166,7 @@ impl Pbr {
         }
         let (view, light) = if mode == TransportMode::Radiance { (wo, wi) } else { (wi, wo) };
         let Some(l) = Layers::new(self, view) else { return Spectrum::ZERO };
-        let value = l.eval(self.to_lobe_frame(light, l.mirrored));
+        let value = l.eval(self.lobe_from_local(light, l.mirrored));
         // The layers return f |cos| of the light.
         if mode == TransportMode::Radiance { value } else { value * (wi.z / wo.z).abs() }
     }
@@ -176,7 +176,7 @@ impl Pbr {
         if wo.z == 0.0 || wi.z == 0.0 {
             return 0.0;
         }
-        Layers::new(self, wo).map_or(0.0, |l| l.pdf(&l.probabilities(), self.to_lobe_frame(wi, l.mirrored)))
+        Layers::new(self, wo).map_or(0.0, |l| l.pdf(&l.probabilities(), self.lobe_from_local(wi, l.mirrored)))
     }
 
     /// See the contract in [`crate::bsdf`].
@@ -217,11 +217,11 @@ impl Pbr {
             return None;
         }
         let pdf = l.pdf(&p, wi);
-        if !(pdf > 0.0) {
+        if pdf <= 0.0 || pdf.is_nan() {
             return None;
         }
         let radiance = l.eval(wi);
-        let wi = self.from_lobe_frame(wi, l.mirrored);
+        let wi = self.local_from_lobe(wi, l.mirrored);
         let value = if mode == TransportMode::Radiance { radiance } else { self.eval(wo, wi, mode) };
         Some(BsdfSample { wi, value, pdf, lobe, eta })
     }
@@ -251,12 +251,5 @@ impl Pbr {
             return Spectrum::ZERO;
         }
         Layers::new(self, wo).map_or(Spectrum::ZERO, |l| l.albedos().into_iter().fold(Spectrum::ZERO, |a, b| a + b).clamp(0.0, 1.0))
-    }
-
-    /// Reflectance of the dielectric at normal incidence and grazing.
-    #[inline]
-    fn dielectric_f0_f90(&self) -> (Spectrum, f32) {
-        let f0 = fresnel::f0_from_eta(self.eta());
-        (self.specular_color.map(|c| (c * f0).min(1.0)) * self.specular, self.specular)
     }
 }

@@ -7,6 +7,7 @@ pub mod atomic;
 mod encoding;
 mod exr_write;
 pub mod flip;
+mod hdr;
 pub mod metrics;
 mod read;
 mod texels;

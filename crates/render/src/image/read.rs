@@ -1,6 +1,8 @@
-//! Readers: OpenEXR through `exr`; PNG, JPEG, WebP, BMP, TGA, GIF, TIFF and Radiance HDR through `image`.
+//! Readers: OpenEXR through `exr`; PNG, JPEG, WebP, BMP, TGA, GIF and TIFF through `image`; Radiance HDR in [`super::hdr`].
 //!
-//! Sizes are checked against limits before pixels are allocated.
+//! Sizes are checked against limits before pixels are allocated. The `image` crate has its own limit of 512 MiB: only
+//! its entry that is no generic function is used here, since setting limits would compile every decoder into this
+//! crate, forty seconds at each change.
 
 use std::io::Cursor;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -8,8 +10,9 @@ use std::path::Path;
 
 use exr::prelude as exrs;
 use exrs::{ReadChannels, ReadLayers};
-use image::{DynamicImage, ImageFormat, ImageReader};
+use image::{DynamicImage, ImageFormat};
 
+use super::hdr::{is_hdr, read_hdr};
 use super::{ChannelData, ColorEncoding, Image, ImageError, TexelData, Texels};
 
 /// What a picture may take at most.
@@ -17,7 +20,7 @@ use super::{ChannelData, ColorEncoding, Image, ImageError, TexelData, Texels};
 pub struct ReadLimits {
     /// Columns or rows.
     pub max_side: u32,
-    /// Bytes of decoded pixels, all channels and layers together.
+    /// Bytes of decoded pixels, all channels and layers together (PNG, JPEG and the like never take more than 512 MiB).
     pub max_bytes: u64,
 }
 
@@ -97,8 +100,14 @@ impl Texels {
         encoding: Option<ColorEncoding>,
         limits: ReadLimits,
     ) -> Result<Self, ImageError> {
-        let (width, height, channels, data) =
-            if is_exr(bytes) { exr_texels(bytes, limits)? } else { guarded(|| decode(bytes, extension, limits))? };
+        let (width, height, channels, data) = if is_exr(bytes) {
+            exr_texels(bytes, limits)?
+        } else if is_hdr(bytes) {
+            let (width, height, rgb) = read_hdr(bytes, limits)?;
+            (width, height, 3, TexelData::F32(rgb))
+        } else {
+            guarded(|| decode(bytes, extension, limits))?
+        };
         let encoding = encoding.unwrap_or(Self::default_encoding(&data));
         Ok(Self { width, height, channels, encoding, data })
     }
@@ -116,20 +125,13 @@ fn decode(bytes: &[u8], extension: Option<&str>, limits: ReadLimits) -> Result<D
         .ok()
         .or_else(|| extension.and_then(ImageFormat::from_extension))
         .ok_or_else(|| ImageError::Unsupported("unknown format".into()))?;
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-    let mut decoder_limits = image::Limits::default();
-    decoder_limits.max_image_width = Some(limits.max_side);
-    decoder_limits.max_image_height = Some(limits.max_side);
-    // Decoders need working memory beside the pixels.
-    decoder_limits.max_alloc = Some(limits.max_bytes.saturating_mul(2));
-    reader.limits(decoder_limits);
-    let picture = reader.decode().map_err(|e| match e {
+    let picture = image::load_from_memory_with_format(bytes, format).map_err(|e| match e {
         image::ImageError::Unsupported(e) => ImageError::Unsupported(e.to_string()),
-        image::ImageError::IoError(e) if e.kind() != std::io::ErrorKind::UnexpectedEof => ImageError::Invalid(e.to_string()),
+        image::ImageError::Limits(_) => ImageError::Unsupported("an image of more than 512 MiB in this format".into()),
         e => ImageError::Invalid(e.to_string()),
     })?;
     let (width, height) = (picture.width(), picture.height());
-    if picture.as_bytes().len() as u64 > limits.max_bytes {
+    if width.max(height) > limits.max_side || picture.as_bytes().len() as u64 > limits.max_bytes {
         return Err(ImageError::TooLarge { width: width.into(), height: height.into() });
     }
     let (channels, data) = match picture {

@@ -63,7 +63,8 @@ impl LightBvh {
         (a > 0.0 || b > 0.0).then(|| a / (a + b))
     }
 
-    /// A light and its probability for `u` in [0, 1).
+    /// A light and its probability for `u` in [0, 1). `None` where no light arrives, which may show only at the bottom: a
+    /// group's bounds hold more than its members, so that the probabilities sum to a little less than one.
     pub fn sample(&self, p: Vec3, n: Vec3, mut u: f32) -> Option<(u32, f32)> {
         let (mut index, mut pmf) = (0, 1.0);
         let root = self.nodes.first()?;
@@ -73,7 +74,8 @@ impl LightBvh {
         loop {
             let node = &self.nodes[index];
             if node.leaf {
-                return Some((node.link, pmf));
+                // A probability may underflow.
+                return (pmf > 0.0).then_some((node.link, pmf));
             }
             let first = self.first_probability(index, p, n)?;
             if u < first {

@@ -25,6 +25,7 @@ pub mod environment;
 pub mod point;
 pub mod sampler;
 pub mod spot;
+mod sun_table;
 pub mod sunsky;
 
 pub use area::{AreaGeometry, AreaLight};

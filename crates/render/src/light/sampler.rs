@@ -11,7 +11,7 @@ pub enum LightSelection {
     Uniform,
     /// By the power that they bring into the scene.
     Power,
-    /// By a hierarchy, which knows distance and orientation. Infinite lights have equal shares, as large as all finite ones together.
+    /// By a hierarchy, which knows distance and orientation. Infinite lights have half of the samples, in equal shares.
     #[default]
     Bvh,
 }
@@ -67,7 +67,7 @@ impl LightSampler {
         Self { strategy }
     }
 
-    /// A light's index and its probability for `u` in [0, 1); `None` where no light can arrive.
+    /// A light's index and its probability for `u` in [0, 1); `None` where no light can arrive (the estimate is then zero).
     #[inline]
     pub fn sample(&self, ctx: &LightContext, u: f32) -> Option<(u32, f32)> {
         match &self.strategy {
@@ -113,10 +113,10 @@ impl LightSampler {
     }
 }
 
-/// The probability of each infinite light: as if the finite ones were one more.
+/// The probability of each infinite light: half in all if there are finite ones, which cannot be compared with them.
 #[inline]
 fn infinite_share(infinite: usize, finite: &LightBvh) -> f32 {
-    1.0 / (infinite + usize::from(!finite.is_empty())) as f32
+    (if finite.is_empty() { 1.0 } else { 0.5 }) / infinite.max(1) as f32
 }
 
 /// Powers with a floor: a table of `f32` rounds shares below 6e-8 to nothing, and every light must have its chance.

@@ -4,7 +4,8 @@
     python pbr_cycles.py pbr_cycles.json
 
 A plane under a uniform sky of radiance one is seen by an orthographic camera under the cosines `mu`: what a pixel shows
-is the directional albedo. Parameters are set as Blender's glTF import sets them.
+is the directional albedo. Then the sky is black and a sun of irradiance one (across its beam) stands in the directions
+`wi` (polar angle and azimuth in degrees, the camera's azimuth being 0): what a pixel shows is f |cos|. Parameters are set as Blender's glTF import sets them.
 """
 
 import json
@@ -16,6 +17,7 @@ import tempfile
 import bpy
 
 MU = [0.999, 0.8, 0.5, 0.25, 0.1]
+WI = [[30, 180], [50, 170], [70, 150], [20, 40], [80, 180]]
 COLOR = [0.9, 0.5, 0.2]
 CASES = [{"metallic": m, "roughness": r} for m in (0, 1) for r in (0.1, 0.3, 0.5, 0.8, 1.0)] + [
     {"metallic": 0.5, "roughness": 0.4},
@@ -62,12 +64,28 @@ def setup():
     camera.data.type, camera.data.ortho_scale = "ORTHO", 0.01
     scene.collection.objects.link(camera)
     scene.camera = camera
-    return scene, camera, next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
+    sun = bpy.data.objects.new("s", bpy.data.lights.new("s", "SUN"))
+    sun.data.angle = 0
+    scene.collection.objects.link(sun)
+    return scene, camera, sun, background, next(n for n in material.node_tree.nodes if n.type == "BSDF_PRINCIPLED")
 
 
-scene, camera, node = setup()
+scene, camera, sun, background, node = setup()
 defaults = [(i, tuple(i.default_value) if hasattr(i.default_value, "__len__") else i.default_value)
             for i in node.inputs if hasattr(i, "default_value")]
+
+
+def pixel():
+    """The mean of the picture."""
+    scene.render.filepath = path
+    bpy.ops.render.render(write_still=True)
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    px = list(image.pixels)
+    bpy.data.images.remove(image)
+    return [float(f"{sum(px[k::4]) / 16:.5g}") for k in range(3)]
+
+
 path = os.path.join(tempfile.mkdtemp(), "a.exr")
 cases = []
 for case in CASES:
@@ -84,20 +102,19 @@ for case in CASES:
     s("Specular Tint", (*case.get("specular_color", [1, 1, 1]), 1))
     s("Sheen Weight", case.get("sheen", 0))
     s("Sheen Roughness", case.get("sheen_roughness", 0.5))
-    values = []
+    values, lit = [], []
     for mu in MU:
         theta = math.acos(mu)
         camera.location = (5 * math.sin(theta), 0, 5 * mu)
         camera.rotation_euler = (0, theta, 0)
-        scene.render.filepath = path
-        bpy.ops.render.render(write_still=True)
-        image = bpy.data.images.load(path)
-        image.colorspace_settings.name = "Non-Color"
-        px = list(image.pixels)
-        bpy.data.images.remove(image)
-        values.append([round(sum(px[k::4]) / 16, 5) for k in range(3)])
+        background.inputs["Strength"].default_value, sun.data.energy, scene.cycles.samples = 1, 0, 4096
+        values.append(pixel())
+        background.inputs["Strength"].default_value, sun.data.energy, scene.cycles.samples = 0, 1, 256
+        for polar, azimuth in WI:
+            sun.rotation_euler = (0, math.radians(polar), math.radians(azimuth))
+            lit.append(pixel())
     print(case, values, flush=True)
-    cases.append({"params": case, "albedo": values})
+    cases.append({"params": case, "albedo": values, "values": lit})
 with open(sys.argv[1], "w") as f:
-    f.write('{"blender": "%s", "base_color": %s, "mu": %s,\n "cases": [\n' % (bpy.app.version_string, COLOR, MU))
+    f.write('{"blender": "%s", "base_color": %s, "mu": %s, "wi": %s,\n "cases": [\n' % (bpy.app.version_string, COLOR, MU, WI))
     f.write(",\n".join(json.dumps(c, separators=(",", ":")) for c in cases) + "\n]}\n")

@@ -285,3 +285,123 @@ pub enum PhaseDesc {
     /// Rayleigh.
     Rayleigh,
 }
+
+/// What a scattering model refers to; see [`BsdfDesc::parts`].
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BsdfParts {
+    /// Its colors.
+    pub colors: Vec<Color>,
+    /// Its numbers that may vary.
+    pub scalars: Vec<Scalar>,
+    /// Textures that are no colors or numbers: heights and normals.
+    pub textures: Vec<TextureId>,
+    /// Models within it.
+    pub bsdfs: Vec<BsdfId>,
+}
+
+impl BsdfDesc {
+    /// The model's name as users write it.
+    pub fn type_name(&self) -> &'static str {
+        match self {
+            Self::Diffuse { alpha: None, .. } => "diffuse",
+            Self::Diffuse { .. } => "roughdiffuse",
+            Self::Conductor { roughness: None, .. } => "conductor",
+            Self::Conductor { .. } => "roughconductor",
+            Self::Dielectric { roughness: None, .. } => "dielectric",
+            Self::Dielectric { .. } => "roughdielectric",
+            Self::ThinDielectric { .. } => "thindielectric",
+            Self::Plastic { roughness: None, .. } => "plastic",
+            Self::Plastic { .. } => "roughplastic",
+            Self::Coated { .. } => "coated",
+            Self::Principled(p) if p.thin => "principledthin",
+            Self::Principled(_) => "principled",
+            Self::Pbr(_) => "pbr",
+            Self::Blend { .. } => "blendbsdf",
+            Self::Mask { .. } => "mask",
+            Self::TwoSided { .. } => "twosided",
+            Self::BumpMap { .. } => "bumpmap",
+            Self::NormalMap { .. } => "normalmap",
+            Self::Null => "null",
+        }
+    }
+
+    /// Everything that it refers to, for passes over the graph.
+    pub fn parts(&self) -> BsdfParts {
+        let mut parts = BsdfParts::default();
+        let mut roughness = |r: &Option<Roughness>| r.iter().flat_map(|r| [r.alpha_u, r.alpha_v]).for_each(|s| parts.scalars.push(s));
+        match self {
+            Self::Diffuse { reflectance, alpha } => {
+                parts.colors.push(*reflectance);
+                parts.scalars.extend(*alpha);
+            }
+            Self::Conductor { eta, k, specular_reflectance, roughness: r } => {
+                roughness(r);
+                parts.colors.extend(eta.iter().copied().chain([*k, *specular_reflectance]));
+            }
+            Self::Dielectric { specular_reflectance, specular_transmittance, roughness: r, .. } => {
+                roughness(r);
+                parts.colors.extend([*specular_reflectance, *specular_transmittance]);
+            }
+            Self::ThinDielectric { specular_reflectance, specular_transmittance, .. } => {
+                parts.colors.extend([*specular_reflectance, *specular_transmittance]);
+            }
+            Self::Plastic { diffuse_reflectance, specular_reflectance, roughness: r, .. } => {
+                roughness(r);
+                parts.colors.extend([*diffuse_reflectance, *specular_reflectance]);
+            }
+            Self::Coated { base, sigma_a, specular_reflectance, roughness: r, .. } => {
+                roughness(r);
+                parts.colors.extend([*sigma_a, *specular_reflectance]);
+                parts.bsdfs.push(*base);
+            }
+            Self::Principled(p) => {
+                parts.colors.push(p.base_color);
+                parts.scalars.extend([
+                    p.roughness,
+                    p.anisotropic,
+                    p.metallic,
+                    p.spec_trans,
+                    p.eta,
+                    p.spec_tint,
+                    p.sheen,
+                    p.sheen_tint,
+                    p.flatness,
+                    p.clearcoat,
+                    p.clearcoat_gloss,
+                    p.diff_trans,
+                ]);
+            }
+            Self::Pbr(p) => {
+                parts.colors.extend([p.base_color, p.specular_color, p.sheen_color]);
+                parts.scalars.extend([
+                    p.metallic,
+                    p.roughness,
+                    p.specular,
+                    p.transmission,
+                    p.clearcoat,
+                    p.clearcoat_roughness,
+                    p.sheen_roughness,
+                    p.anisotropy,
+                    p.iridescence,
+                    p.iridescence_thickness_nm,
+                ]);
+                parts.textures.extend(p.clearcoat_normal.iter().map(|(t, _)| *t).chain(p.anisotropy_direction));
+            }
+            Self::Blend { first, second, weight } => {
+                parts.scalars.push(*weight);
+                parts.bsdfs.extend([*first, *second]);
+            }
+            Self::Mask { nested, opacity } => {
+                parts.scalars.push(*opacity);
+                parts.bsdfs.push(*nested);
+            }
+            Self::TwoSided { front, back } => parts.bsdfs.extend([*front, *back]),
+            Self::BumpMap { nested, texture, .. } | Self::NormalMap { nested, texture, .. } => {
+                parts.textures.push(*texture);
+                parts.bsdfs.push(*nested);
+            }
+            Self::Null => {}
+        }
+        parts
+    }
+}

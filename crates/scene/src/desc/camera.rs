@@ -32,7 +32,8 @@ pub enum ProjectionDesc {
         aperture_radius: f32,
         /// Distance of the plane in focus.
         focus_distance: f32,
-        /// Shift of the picture's middle in units of its width and height.
+        /// Shift of the picture's middle in units of its width and height, to the right and down: with (0.1, 0) the middle pixel sees what
+        /// lay a tenth of the width to the right of it.
         principal_point_offset: [f32; 2],
     },
     /// Parallel projection.

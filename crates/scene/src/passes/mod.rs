@@ -1,10 +1,7 @@
 //! Steps from a description to a description: loading what it refers to, filling in what it leaves open.
 
+mod complete;
 mod meshes;
 
+pub use complete::{complete, world_bounds};
 pub use meshes::load_meshes;
-
-use crate::desc::SceneDesc;
-
-/// Adds a camera and a light where the file has none.
-pub fn complete(_desc: &mut SceneDesc) {}

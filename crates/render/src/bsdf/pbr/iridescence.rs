@@ -2,11 +2,11 @@
 //! Modeling of Varying Iridescence", doi:10.1145/3072959.3073620, in the form of KHR_materials_iridescence.
 
 use crate::bsdf::fresnel::{eta_from_f0, f0_from_eta, schlick_weight};
+use crate::math::TAU;
 use crate::math::fns::{self, lerp, safe_sqrt, sqr};
-use crate::math::{PI, TAU};
 use crate::spectrum::Spectrum;
 
-/// The Fourier transform of the CIE color matching functions as sums of Gaussians (equation 10 and its supplement):
+/// The Fourier transform of the CIE color matching functions as sums of Gaussians (in their section on spectral integration):
 /// amplitude, center, variance for X, Y, Z and the second lobe of X.
 const SENSITIVITY: [[f32; 3]; 4] = [
     [5.4856e-13, 1.6810e6, 4.3278e9],
@@ -17,20 +17,20 @@ const SENSITIVITY: [[f32; 3]; 4] = [
 /// The integral of the matching function Y in the units of the amplitudes.
 const NORMALIZATION: f32 = 1.0685e-7;
 
-/// The color of interference at an optical path difference (in nanometers) with a phase shift.
-fn sensitivity(opd_nm: f32, shift: f32) -> [f32; 3] {
+/// The color of interference (linear Rec. 709) at an optical path difference in nanometers, without a phase shift.
+fn sensitivity(opd_nm: f32) -> Spectrum {
     let phase = TAU * opd_nm * 1e-9;
     let lobe = |[val, pos, var]: [f32; 3]| {
         let amplitude = val / NORMALIZATION * (TAU * var).sqrt();
-        amplitude * fns::cos(pos * phase + shift) * fns::exp(-var * phase * phase)
+        amplitude * fns::cos(pos * phase) * fns::exp(-var * phase * phase)
     };
     let xyz = [lobe(SENSITIVITY[0]) + lobe(SENSITIVITY[3]), lobe(SENSITIVITY[1]), lobe(SENSITIVITY[2])];
     // CIE XYZ to linear Rec. 709.
-    [
+    Spectrum::from_rgb([
         3.240_454_2 * xyz[0] - 1.537_138_5 * xyz[1] - 0.498_531_4 * xyz[2],
         -0.969_266 * xyz[0] + 1.876_010_8 * xyz[1] + 0.041_556 * xyz[2],
         0.055_643_4 * xyz[0] - 0.204_025_9 * xyz[1] + 1.057_225_2 * xyz[2],
-    ]
+    ])
 }
 
 /// Reflectance in [0, 1] of a base with the reflectance `f0` under a film, seen from air under the cosine `cos`.
@@ -46,20 +46,17 @@ pub(super) fn reflectance(cos: f32, f0: Spectrum, film_ior: f32, thickness_nm: f
     let r12 = lerp(schlick_weight(cos), f0_from_eta(film), 1.0);
     let t121 = 1.0 - r12;
     let opd = 2.0 * film * thickness_nm * cos_film;
+    let orders = [sensitivity(opd), sensitivity(2.0 * opd)];
     let lane = |f0: f32, channel: usize| {
         let base = eta_from_f0(f0.clamp(0.0, 0.9999));
         let r23 = lerp(schlick_weight(cos_film), f0_from_eta(base / film), 1.0);
-        // Reflection at a denser medium turns the phase.
-        let phase = PI + if base < film { PI } else { 0.0 };
         let r123 = (r12 * r23).clamp(1e-5, 0.9999);
         let rs = t121 * t121 * r23 / (1.0 - r123);
-        // Equations 7 and 8: the constant term and two orders of interference.
-        let mut sum = r12 + rs;
-        let mut c = rs - t121;
-        for order in [1.0, 2.0] {
-            c *= r123.sqrt();
-            sum += c * 2.0 * sensitivity(order * opd, order * phase)[channel];
-        }
+        // Airy summation: the constant term and two orders of interference. The film's back turns the phase by π, and so
+        // does a base that is denser: the shift is a sign, except for the second order.
+        let c1 = (rs - t121) * r123.sqrt();
+        let sign = if base < film { 1.0 } else { -1.0 };
+        let sum = r12 + rs + 2.0 * c1 * (sign * orders[0][channel] + r123.sqrt() * orders[1][channel]);
         sum.clamp(0.0, 1.0)
     };
     Spectrum::from_rgb([lane(f0[0], 0), lane(f0[1], 1), lane(f0[2], 2)])

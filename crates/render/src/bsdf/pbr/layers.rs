@@ -48,6 +48,11 @@ pub(super) struct Layers<'a> {
     /// Share of light that reaches the base.
     below: f32,
     mf: Microfacet,
+    /// Refractive index of the dielectric, its reflectance at normal incidence without and with color, and at grazing.
+    eta: f32,
+    r0: f32,
+    f0: Spectrum,
+    f90: f32,
     /// Metal and dielectric reflection: gain by multiple scattering and albedo with it.
     metal: (Spectrum, Spectrum),
     dielectric: (Spectrum, Spectrum),
@@ -60,14 +65,17 @@ pub(super) struct Layers<'a> {
 }
 
 /// Gain of a lobe by multiple scattering when the facets reflect `avg` on the mean (Kulla and Conty 2017, with the
-/// interpretation of Turquin 2019, section 3.3: the whole lobe is scaled).
+/// form of Turquin 2019: the whole lobe is scaled).
+#[inline]
 fn multiple_scattering(e: f32, e_avg: f32, avg: Spectrum) -> Spectrum {
     let missing = (1.0 - e).max(0.0) / e;
-    avg.map(|f| 1.0 + missing * f * e_avg / (1.0 - f * (1.0 - e_avg)))
+    // Colors beyond one, from careless files, must not make the sum of all bounces diverge.
+    avg.clamp(0.0, 1.0).map(|f| 1.0 + missing * f * e_avg / (1.0 - f * (1.0 - e_avg)))
 }
 
 impl<'a> Layers<'a> {
     /// `None` where the material is black from this side.
+    #[inline]
     pub(super) fn new(b: &'a Pbr, wo: Vec3) -> Option<Self> {
         let back = wo.z < 0.0;
         let solid = b.is_solid();
@@ -76,14 +84,15 @@ impl<'a> Layers<'a> {
             return None;
         }
         let (inside, mirrored) = (back && solid, back && !solid);
-        let view = b.to_lobe_frame(wo, mirrored);
+        let view = b.lobe_from_local(wo, mirrored);
         let view = if inside { -view } else { view };
         let alpha = sqr(b.roughness);
         // KHR_materials_anisotropy.
         let alpha_t = lerp(sqr(b.anisotropy), alpha, 1.0);
         let mf = Microfacet::new(Distribution::Ggx, alpha_t.max(MIN_ALPHA), alpha.max(MIN_ALPHA));
-        let roughness = (mf.alpha_x * mf.alpha_y).sqrt().sqrt();
+        let roughness = if b.anisotropy > 0.0 { (mf.alpha_x * mf.alpha_y).sqrt().sqrt() } else { b.roughness };
         let eta = b.eta();
+        let r0 = fresnel::f0_from_eta(eta);
         let mut l = Self {
             b,
             view,
@@ -94,6 +103,10 @@ impl<'a> Layers<'a> {
             coat: None,
             below: 1.0,
             mf,
+            eta,
+            r0,
+            f0: b.specular_color.map(|c| (c * r0).min(1.0)) * b.specular,
+            f90: b.specular,
             metal: (Spectrum::ONE, Spectrum::ZERO),
             dielectric: (Spectrum::ONE, Spectrum::ZERO),
             under_dielectric: 1.0,
@@ -103,7 +116,7 @@ impl<'a> Layers<'a> {
         if solid && !b.is_straight() {
             let [e, e_avg, f_avg] = glass_albedo(view.z, roughness, if inside { 1.0 / eta } else { eta });
             // Each further facet reflects without color or transmits with the tint.
-            l.glass_gain = multiple_scattering(e.max(0.05), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
+            l.glass_gain = multiple_scattering(e.max(0.1), e_avg, l.glass_tint().map(|t| lerp(f_avg, t, 1.0)));
         }
         if inside {
             return Some(l);
@@ -117,6 +130,10 @@ impl<'a> Layers<'a> {
         if b.clearcoat > 0.0 {
             l.coat = l.coat_layer();
             l.below *= 1.0 - l.coat.as_ref().map_or(0.0, |c| c.albedo);
+        }
+        if b.metallic <= 0.0 && l.shares().1 <= 0.0 {
+            // All glass.
+            return Some(l);
         }
         let a = tables().lookup(view.z, roughness, eta);
         l.e = a.e;
@@ -137,9 +154,9 @@ impl<'a> Layers<'a> {
             l.metal = (gain, film(f0, 1.0, a.schlick, plain(a.schlick)) * gain * a.e);
         }
         if b.metallic < 1.0 {
-            let (f0, f90) = b.dielectric_f0_f90();
+            let (f0, f90) = (l.f0, l.f90);
             let plain = |s| f0 + (Spectrum::splat(f90) - f0) * s;
-            let gain = multiple_scattering(a.e, a.e_avg, film(f0, f90, 1.0 / 21.0, plain(tables().dielectric_average(eta))));
+            let gain = multiple_scattering(a.e, a.e_avg, film(f0, f90, 1.0 / 21.0, plain(a.dielectric_avg)));
             l.dielectric = (gain, film(f0, f90, a.schlick, plain(a.dielectric)) * gain * a.e);
             l.under_dielectric = (1.0 - l.dielectric.1.max_component()).max(0.0);
         }
@@ -150,7 +167,7 @@ impl<'a> Layers<'a> {
         let b = self.b;
         let alpha = sqr(b.clearcoat_roughness).max(MIN_ALPHA);
         let frame = match b.clearcoat_normal {
-            Some(n) => Frame::from_normal(b.to_lobe_frame(n, false)),
+            Some(n) => Frame::from_normal(b.lobe_from_local(n, false)),
             None => Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::Z },
         };
         let view = frame.local_from_world(self.view);
@@ -164,18 +181,19 @@ impl<'a> Layers<'a> {
     }
 
     /// Reflectance of the facets of the dielectric at the cosine `cos`, `eta` being the index of the far side.
+    #[inline]
     fn dielectric_fresnel(&self, cos: f32, eta: f32) -> Spectrum {
-        let (f0, f90) = self.b.dielectric_f0_f90();
+        let (f0, f90) = (self.f0, self.f90);
         let f = fresnel::dielectric(cos, eta).0;
         if f >= 1.0 {
             return Spectrum::ONE;
         }
-        // The real curve between the two, F0 being the same from both sides.
-        let r0 = fresnel::f0_from_eta(eta);
-        let s = ((f - r0) / (1.0 - r0)).clamp(0.0, 1.0);
+        // The real curve between the two, F0 being the same from both sides and, nearly, for all colors.
+        let s = ((f - self.r0) / (1.0 - self.r0)).clamp(0.0, 1.0);
         self.with_film(f0 + (Spectrum::splat(f90) - f0) * s, cos, f0, f90)
     }
 
+    #[inline]
     fn with_film(&self, f: Spectrum, cos: f32, f0: Spectrum, f90: f32) -> Spectrum {
         let b = self.b;
         if b.iridescence <= 0.0 {
@@ -228,7 +246,7 @@ impl<'a> Layers<'a> {
 
     /// Index of the far side over that of the view's for a color channel (KHR_materials_dispersion: n_F − n_C = (n − 1) / V).
     fn glass_eta(&self, channel: usize) -> f32 {
-        let n = self.b.eta();
+        let n = self.eta;
         let n = (n + (channel as f32 - 1.0) * 0.025 * self.b.dispersion * (n - 1.0)).max(1.001);
         if self.inside { 1.0 / n } else { n }
     }
@@ -271,11 +289,13 @@ impl<'a> Layers<'a> {
         if sum > 0.0 && sum.is_finite() { w.map(|w| w / sum) } else { [0.0; STRATEGIES] }
     }
 
+    #[inline]
     fn half(&self, light: Vec3) -> Vec3 {
         (self.view + light).normalize()
     }
 
     /// D G2 / (4 cos θo) of the base for reflection, `m` being the half vector.
+    #[inline]
     fn base_dg(&self, light: Vec3, m: Vec3) -> f32 {
         self.mf.d(m) * self.mf.g1_distant(self.view) * masking_ratio(&self.mf, self.view, light) / (4.0 * self.view.z)
     }
@@ -315,7 +335,7 @@ impl<'a> Layers<'a> {
             specular += f * self.metal.0 * self.b.metallic;
         }
         if opaque > 0.0 {
-            specular += self.dielectric_fresnel(cos, self.b.eta()) * self.dielectric.0 * opaque;
+            specular += self.dielectric_fresnel(cos, self.eta) * self.dielectric.0 * opaque;
         }
         value += specular * (dg * self.below);
         if let Some(c) = &self.coat {
@@ -409,6 +429,7 @@ impl<'a> Layers<'a> {
         pdf
     }
 
+    #[inline]
     fn reflection_pdf(&self, light: Vec3) -> f32 {
         let m = self.half(light);
         self.mf.pdf_visible(self.view, m) / (4.0 * self.view.dot(m)).max(1e-12)

@@ -8,7 +8,7 @@ use crate::math::fns::sqr;
 use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3, warp};
 use crate::spectrum::Spectrum;
 
-/// Clearcoat: a quarter of its weight times Schlick with this reflectance (Burley 2012, section 5.5).
+/// Clearcoat: a quarter of its weight times Schlick with this reflectance (Burley 2012).
 const CLEARCOAT_F0: f32 = 0.04;
 
 /// What depends on `wo` only. Everything is turned so that `wo.z` is positive.

@@ -8,7 +8,7 @@ use crate::math::{INV_PI, PI, TAU, Vec2, Vec3};
 use crate::spectrum::Spectrum;
 
 impl Principled {
-    /// GGX for a perceived roughness (Burley 2012, section 5.4).
+    /// GGX for a perceived roughness (Burley 2012, specular D).
     #[inline]
     pub(super) fn distribution(&self, roughness: f32) -> Microfacet {
         let alpha = sqr(roughness);
@@ -24,7 +24,7 @@ impl Principled {
     }
 
     /// Diffuse reflection with retro-reflection, blended with the subsurface approximation by `flatness`
-    /// (Burley 2015, equations 4 and 5; 2012, section 5.3), without the color and with the cosine of `cos_i`.
+    /// (Burley 2015, diffuse and retro-reflection; Burley 2012, section 5.3), without the color and with the cosine of `cos_i`.
     /// `cos_d` is the cosine between the light and the half vector.
     #[inline]
     pub(super) fn diffuse(&self, cos_o: f32, cos_i: f32, cos_d: f32) -> f32 {
@@ -40,7 +40,7 @@ impl Principled {
         f * INV_PI * cos_i
     }
 
-    /// Sheen (Burley 2012, section 5.3), with the cosine of `cos_i`.
+    /// Sheen (Burley 2012), with the cosine of `cos_i`.
     #[inline]
     pub(super) fn sheen_value(&self, cos_i: f32, cos_d: f32) -> Spectrum {
         let color = Spectrum::ONE.lerp(self.tint(), self.sheen_tint);
@@ -75,7 +75,7 @@ impl Principled {
     }
 }
 
-/// The distribution of the clearcoat: GTR with exponent 1 (Burley 2012, equation 4 of appendix B.2).
+/// The distribution of the clearcoat: GTR with exponent 1 (Burley 2012, appendix B).
 pub(super) struct Gtr1 {
     alpha: f32,
 }
@@ -91,7 +91,7 @@ impl Gtr1 {
         if m.z <= 0.0 { 0.0 } else { (a2 - 1.0) / (PI * fns::ln(a2) * (m.x * m.x + m.y * m.y + a2 * m.z * m.z)) }
     }
 
-    /// A normal with density D(m) m.z (Burley 2012, equation 5 of appendix B.2).
+    /// A normal with density D(m) m.z (Burley 2012, appendix B).
     pub(super) fn sample(&self, u: Vec2) -> Vec3 {
         let a2 = sqr(self.alpha);
         let z2 = (1.0 - fns::pow(a2, 1.0 - u.x)) / (1.0 - a2);

@@ -1,4 +1,4 @@
-//! A sheet without thickness: the two-sided specular and diffuse lobes of Burley 2015, section 5.3.
+//! A sheet without thickness: the two-sided specular and diffuse lobes of Burley 2015 for thin surfaces.
 
 use super::Principled;
 use crate::bsdf::microfacet::Microfacet;
@@ -40,7 +40,7 @@ impl Principled {
         ];
         let sum = w[0] + w[1] + w[2] + w[3];
         let p = if sum > 0.0 { w.map(|w| w / sum) } else { [0.0; 4] };
-        // Light that crosses two rough faces spreads less at low indices (Burley 2015, section 5.3).
+        // Light that crosses two rough faces spreads less at low indices (Burley 2015).
         let transmit = self.distribution(self.roughness * (0.65 * eta - 0.35).clamp(0.0, 1e3));
         View { wo, flip, eta, reflect: self.distribution(self.roughness), transmit, through, p }
     }

@@ -36,7 +36,7 @@ const LEFT_OVER: &str = "the compressed data is longer than what it holds";
 /// What is wrong with the stream or its parameters.
 pub fn decode(data: &[u8], count: usize, stride: usize, mode: Mode, filter: Filter) -> Result<Vec<u8>, &'static str> {
     let stride_fits = match (mode, filter) {
-        (Mode::Attributes, Filter::None | Filter::Exponential) => stride % 4 == 0 && (4..=256).contains(&stride),
+        (Mode::Attributes, Filter::None | Filter::Exponential) => stride.is_multiple_of(4) && (4..=256).contains(&stride),
         (Mode::Attributes, Filter::Octahedral | Filter::Color) => stride == 4 || stride == 8,
         (Mode::Attributes, Filter::Quaternion) => stride == 8,
         (_, Filter::None) => stride == 2 || stride == 4,
@@ -51,7 +51,7 @@ pub fn decode(data: &[u8], count: usize, stride: usize, mode: Mode, filter: Filt
             super::meshopt_filter::apply(&mut out, stride, filter);
             Ok(out)
         }
-        Mode::Triangles if count % 3 != 0 => Err("count must be a multiple of 3 for triangles"),
+        Mode::Triangles if !count.is_multiple_of(3) => Err("count must be a multiple of 3 for triangles"),
         Mode::Triangles => Ok(index_bytes(&triangles(data, count / 3)?, stride)),
         Mode::Indices => Ok(index_bytes(&indices(data, count)?, stride)),
     }
@@ -120,7 +120,7 @@ fn attributes(data: &[u8], count: usize, stride: usize) -> Result<Vec<u8>, &'sta
     let mut last = data[baseline_at..baseline_at + stride].to_vec();
     let modes = &data[baseline_at + stride..];
 
-    let block_limit = (8192 / stride & !15).min(256);
+    let block_limit = ((8192 / stride) & !15).min(256);
     let mut out = Vec::new();
     // Not more than a stream of this length can hold is reserved at once: 256 elements need at least a byte.
     out.try_reserve(count.saturating_mul(stride).min(data.len().saturating_mul(256 * 4))).map_err(|_| "too large")?;
@@ -205,7 +205,8 @@ fn undo_deltas(
                 let (low, high) = (half(0), half(2));
                 [low[0], low[1], high[0], high[1]]
             }
-            (2, r) => (u32::from_le_bytes(p) ^ u32::from_le_bytes(d).rotate_left(u32::from(r))).to_le_bytes(),
+            // Encoders rotate to the left, so this rotates to the right; the specification leaves the sense open.
+            (2, r) => (u32::from_le_bytes(p) ^ u32::from_le_bytes(d).rotate_right(u32::from(r))).to_le_bytes(),
             _ => return Err("an unknown channel mode in the compressed data"),
         };
         out[i * stride + at..][..4].copy_from_slice(&p);
@@ -343,4 +344,63 @@ fn indices(data: &[u8], count: usize) -> Result<Vec<u32>, &'static str> {
     }
     stream.finish()?;
     Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bytes(hex: &str) -> Vec<u8> {
+        hex.as_bytes().chunks(2).map(|c| u8::from_str_radix(std::str::from_utf8(c).unwrap(), 16).unwrap()).collect()
+    }
+
+    /// Mode, filter, byteStride, count, encoded and decoded bytes, made with the reference encoder and decoder (meshoptimizer 1.x).
+    fn vectors() -> impl Iterator<Item = (Mode, Filter, usize, usize, Vec<u8>, Vec<u8>)> {
+        include_str!("meshopt_vectors.txt").lines().map(|line| {
+            let f: Vec<&str> = line.split(' ').collect();
+            let mode = match f[0] {
+                "attributes" => Mode::Attributes,
+                "triangles" => Mode::Triangles,
+                _ => Mode::Indices,
+            };
+            let filter = match f[1] {
+                "octahedral" => Filter::Octahedral,
+                "quaternion" => Filter::Quaternion,
+                "exponential" => Filter::Exponential,
+                "color" => Filter::Color,
+                _ => Filter::None,
+            };
+            (mode, filter, f[2].parse().unwrap(), f[3].parse().unwrap(), bytes(f[4]), bytes(f[5]))
+        })
+    }
+
+    #[test]
+    fn decodes_what_the_reference_encodes() {
+        let mut count = 0;
+        for (mode, filter, stride, n, encoded, decoded) in vectors() {
+            assert_eq!(decode(&encoded, n, stride, mode, filter).as_deref(), Ok(&decoded[..]), "{mode:?} {filter:?} {stride}");
+            count += 1;
+        }
+        assert_eq!(count, 17);
+    }
+
+    #[test]
+    fn cut_and_changed_streams_end_in_errors_or_other_bytes() {
+        let mut state = 1u32;
+        for (mode, filter, stride, n, encoded, decoded) in vectors() {
+            for cut in 0..encoded.len() {
+                assert!(decode(&encoded[..cut], n, stride, mode, filter).is_err());
+            }
+            for _ in 0..2000 {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let mut changed = encoded.clone();
+                let at = (state >> 8) as usize % changed.len();
+                changed[at] ^= (state >> 3) as u8 | 1;
+                if let Ok(out) = decode(&changed, n, stride, mode, filter) {
+                    assert_eq!(out.len(), decoded.len());
+                }
+            }
+            assert!(decode(&encoded, usize::MAX / stride / 3 * 3, stride, mode, filter).is_err());
+        }
+    }
 }

@@ -1,6 +1,10 @@
 //! Readers of triangle meshes: as parts of a scene ([`load`]) and as scenes of their own ([`read`]).
 
+mod mtl;
+pub mod obj;
 pub mod ply;
+mod serialized;
+mod stl;
 
 use std::path::{Path, PathBuf};
 
@@ -59,10 +63,12 @@ pub fn load(path: &Path, format: MeshFormat, index: u32) -> Result<ParsedMesh, M
 ///
 /// # Errors
 /// [`MeshFault`] with a line where the format has lines.
-pub fn parse(bytes: &[u8], format: MeshFormat, _index: u32) -> Result<ParsedMesh, MeshFault> {
+pub fn parse(bytes: &[u8], format: MeshFormat, index: u32) -> Result<ParsedMesh, MeshFault> {
     let mut parsed = match format {
         MeshFormat::Ply => ply::parse(bytes)?,
-        _ => return Err(MeshFault::binary("being built")),
+        MeshFormat::Obj => obj::parse(bytes)?.merged(),
+        MeshFormat::Stl => stl::parse(bytes)?,
+        MeshFormat::MitsubaSerialized => serialized::parse(bytes, index)?,
     };
     drop_broken_triangles(&mut parsed);
     Ok(parsed)
@@ -102,14 +108,14 @@ fn drop_broken_triangles(parsed: &mut ParsedMesh) {
     }
 }
 
-/// Reads a mesh file as a scene of its own.
+/// Reads a mesh file as a scene of its own: an OBJ file becomes a shape for each of its materials.
 ///
 /// # Errors
 /// [`ReadError`] with every fault that was found.
-pub fn read(path: &Path, _options: &ReadOptions) -> Result<SceneDesc, ReadError> {
+pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let format = match extension.as_str() {
-        "obj" => MeshFormat::Obj,
+        "obj" => return mtl::read_scene(path, options),
         "stl" => MeshFormat::Stl,
         "serialized" => MeshFormat::MitsubaSerialized,
         _ => MeshFormat::Ply,

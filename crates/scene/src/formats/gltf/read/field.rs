@@ -146,7 +146,7 @@ impl<'a> Reader<'a> {
     pub(super) fn integer_of(&mut self, v: &Value<'_>) -> Option<u64> {
         match v.as_f64() {
             // 2⁵³: beyond it JSON numbers are not exact.
-            Some(n) if n >= 0.0 && n <= 9_007_199_254_740_992.0 && n.fract() == 0.0 => Some(n as u64),
+            Some(n) if (0.0..=9_007_199_254_740_992.0).contains(&n) && n.fract() == 0.0 => Some(n as u64),
             _ => {
                 self.error(v, "expected a whole number, 0 or more");
                 None

@@ -23,8 +23,8 @@ pub(super) struct Material {
     pub interior: Option<MediumId>,
 }
 
-/// A refractive index that reflects everything at all angles: what KHR_materials_ior means by 0.
-const MIRROR_IOR: f32 = 1e6;
+/// KHR_materials_ior: 0 stands for an infinite refractive index, whose surface reflects everything at all angles.
+const MIRROR_IOR: f32 = 0.0;
 
 /// Widening of the step at the alpha cutoff: a power of two, so that scaling is exact.
 const CUTOFF_SLOPE: f32 = 65536.0;

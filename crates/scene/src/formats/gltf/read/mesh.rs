@@ -87,11 +87,11 @@ impl<'a> Reader<'a> {
         self.required(primitive, "attributes")?;
         let attributes = self.object(primitive, "attributes")?;
         self.required(attributes, "POSITION")?;
-        if let Some(draco) = self.extension(primitive, "KHR_draco_mesh_compression") {
-            if !self.has_plain_data(attributes) {
-                self.error(draco, "Draco compression is not supported (KHR_draco_mesh_compression); decompress the file first");
-                return None;
-            }
+        if let Some(draco) = self.extension(primitive, "KHR_draco_mesh_compression")
+            && !self.has_plain_data(attributes)
+        {
+            self.error(draco, "Draco compression is not supported (KHR_draco_mesh_compression); decompress the file first");
+            return None;
         }
         let mut data = self.vertices(attributes)?;
         self.deform(primitive, attributes, &mut data, deform)?;

@@ -91,10 +91,10 @@ impl<'a> Reader<'a> {
                 continue;
             }
             world[i] = Some(transform);
-            if let Some(e) = self.extension(node, "KHR_node_visibility") {
-                if !self.bool(e, "visible", true) {
-                    continue;
-                }
+            if let Some(e) = self.extension(node, "KHR_node_visibility")
+                && !self.bool(e, "visible", true)
+            {
+                continue;
             }
             order.push(i);
             for child in self.array(node, "children").iter().rev() {

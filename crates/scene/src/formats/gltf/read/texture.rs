@@ -119,10 +119,10 @@ impl<'a> Reader<'a> {
 
     /// The picture of a texture: WebP where the file offers it, otherwise PNG or JPEG.
     fn texture_image(&mut self, texture: &'a Value<'a>) -> Option<ImageId> {
-        if let Some(webp) = self.extension(texture, "EXT_texture_webp") {
-            if let Some((i, image)) = self.reference(webp, "source", "images") {
-                return self.image(i, image);
-            }
+        if let Some(webp) = self.extension(texture, "EXT_texture_webp")
+            && let Some((i, image)) = self.reference(webp, "source", "images")
+        {
+            return self.image(i, image);
         }
         if let Some((i, image)) = self.reference(texture, "source", "images") {
             return self.image(i, image);

@@ -64,7 +64,11 @@ impl<'t> Builder<'t> {
             }
             "mask" => BsdfDesc::Mask { opacity: self.scalar(p, "opacity", 0.5), nested: self.nested(p)? },
             "blendbsdf" => {
-                let weight = self.scalar(p, "weight", 0.5);
+                let weight = self.opt_scalar(p, "weight");
+                if weight.is_none() && !p.has("weight") {
+                    p.fault(p.plugin.span, "`weight` is missing");
+                }
+                let weight = weight.unwrap_or(Param::Constant(0.5));
                 BsdfDesc::Blend { weight, first: self.nested(p)?, second: self.nested(p)? }
             }
             "mixturebsdf" => self.mixture(p)?,
@@ -268,6 +272,9 @@ impl<'t> Builder<'t> {
             "spec_reflect_sampling_rate",
             "spec_trans_sampling_rate",
             "diff_trans_sampling_rate",
+            "specular_reflectance_sampling_rate",
+            "specular_transmittance_sampling_rate",
+            "diffuse_transmittance_sampling_rate",
         ]);
         let mut desc = PrincipledDesc {
             thin,
@@ -287,7 +294,7 @@ impl<'t> Builder<'t> {
         };
         if thin {
             desc.eta = self.scalar(p, "eta", 1.5);
-            desc.diff_trans = self.scalar(p, "diff_trans", 1.0);
+            desc.diff_trans = self.scalar(p, "diff_trans", 0.0);
         } else {
             desc.metallic = self.scalar(p, "metallic", 0.0);
             desc.clearcoat = self.scalar(p, "clearcoat", 0.0);

@@ -125,7 +125,7 @@ impl<'t> Builder<'t> {
     }
 }
 
-/// Direction to the sun at a place and time; the defaults are Mitsuba's (Tokyo, 10 July 2010, 15:00). +x is east, +y north.
+/// Direction to the sun at a place and time; the defaults are Mitsuba's (Tokyo, 10 July 2010, 15:00). +x is south, +y west, +z up.
 ///
 /// Low-precision formulas of the Astronomical Almanac (Michalsky 1988, Solar Energy 40(3), doi:10.1016/0038-092X(88)90045-X): good to about
 /// 0.01 degrees between 1950 and 2050.
@@ -151,7 +151,22 @@ fn sun_direction(p: &mut Props) -> Vec3 {
     let sidereal_degrees = (18.697_374_558 + 24.065_709_824_419_08 * n) * 15.0 + longitude;
     let hour_angle = sidereal_degrees.to_radians() - right_ascension;
     let up = latitude.sin() * declination.sin() + latitude.cos() * declination.cos() * hour_angle.cos();
-    let east = -declination.cos() * hour_angle.sin();
-    let north = latitude.cos() * declination.sin() - latitude.sin() * declination.cos() * hour_angle.cos();
-    Vec3::new(east as f32, north as f32, up as f32)
+    let west = declination.cos() * hour_angle.sin();
+    let south = latitude.sin() * declination.cos() * hour_angle.cos() - latitude.cos() * declination.sin();
+    Vec3::new(south as f32, west as f32, up as f32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::mitsuba::tree::Kind;
+    use crate::span::Span;
+
+    /// The expected direction is Mitsuba 3.9's for its default place and time.
+    #[test]
+    fn the_sun_stands_where_mitsuba_puts_it() {
+        let plugin = Plugin { kind: Kind::Emitter, type_name: "sunsky".into(), id: String::new(), span: Span::default(), params: vec![] };
+        let direction = sun_direction(&mut Props::new(&plugin));
+        assert!(direction.abs_diff_eq(Vec3::new(0.0513854, 0.691748, 0.720308), 2e-3), "{direction}");
+    }
 }

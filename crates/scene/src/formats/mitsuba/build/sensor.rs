@@ -80,7 +80,7 @@ impl<'t> Builder<'t> {
                 if lens && !p.has("aperture_radius") {
                     p.fault(p.plugin.span, "`aperture_radius` is missing");
                 }
-                let focus_distance = p.opt_float("focus_distance").unwrap_or(1.0);
+                let focus_distance = p.opt_float("focus_distance").unwrap_or_else(|| p.float("far_clip", 1e4));
                 if aperture_radius < 0.0 || (lens && focus_distance <= 0.0) {
                     p.fault(p.plugin.span, "`aperture_radius` must not be negative, and `focus_distance` must be positive");
                 }

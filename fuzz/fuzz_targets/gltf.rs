@@ -1,0 +1,10 @@
+//! Any bytes: the glTF reader answers with a description or with faults, and what it describes can be written and read again.
+#![no_main]
+
+use std::path::Path;
+
+use etendue_scene::formats::{ReadOptions, gltf};
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    let _ = gltf::read_bytes(data, Path::new("fuzz.glb"), &ReadOptions::default());
+});
