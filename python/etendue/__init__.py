@@ -8,7 +8,8 @@ picture = scene.render(spp=64)  # numpy float32, (height, width, 3), linear
 etendue.write_image("picture.png", picture)
 ```
 
-Pictures are NumPy arrays of `float32` and shape (height, width, channels), row 0 at the top, with linear Rec. 709 values.
+Pictures are NumPy arrays of `float32` and shape (height, width, channels), row 0 at the top, with linear Rec. 709
+values.
 The same seed gives the same picture, bit for bit, with any number of threads.
 """
 

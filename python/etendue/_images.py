@@ -73,7 +73,9 @@ def write_image(
     tonemap: str = "standard",
     exposure: float = 0.0,
 ) -> None:
-    """Write a picture: EXR (all channels), HDR, PFM (linear), PNG, JPEG (tone mapped). The file appears whole or not at all.
+    """Write a picture: EXR (all channels), HDR, PFM (linear), PNG, JPEG (tone mapped).
+
+    The file appears whole or not at all.
 
     Args:
         path: The file; its extension is the format.
@@ -124,8 +126,8 @@ def compare(image: ArrayLike, reference: ArrayLike, *, hdr: bool = True) -> dict
         hdr: Take HDR-FLIP over several exposures; otherwise FLIP sees both pictures clipped at 1.
 
     Returns:
-        The figures: `mse`, `relmse`, `relmse_trimmed` (without the worst 0.1% of the pixels), `mae`, `psnr` in dB, `ssim`
-        (None for pictures with a side below 11 pixels), `flip`, `mean` (the largest |ratio − 1| of the means of R, G
+        The figures: `mse`, `relmse`, `relmse_trimmed` (without the worst 0.1% of the pixels), `mae`, `psnr` in dB,
+        `ssim` (None for pictures with a side below 11 pixels), `flip`, `mean` (the largest |ratio − 1| of the means of R, G
         and B), `max` (the largest difference), and `nonfinite` (how many values are NaN or infinite; they count as 0).
 
     Raises:

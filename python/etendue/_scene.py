@@ -72,8 +72,8 @@ class Scene:
         """Return what is in the scene.
 
         Returns:
-            `format`, `files`; what the file says of the picture: `width`, `height`, `spp`, `integrator`, `max_depth` (None where it
-            says nothing); lists of (name, kind): `cameras`, `lights`; numbers of `emissive_shapes`, `shapes`,
+            `format`, `files`; what the file says of the picture: `width`, `height`, `spp`, `integrator`, `max_depth`
+            (None where it says nothing); lists of (name, kind): `cameras`, `lights`; numbers of `emissive_shapes`, `shapes`,
             `analytic_shapes`, `groups`, `instances`, `meshes`, `triangles`, `bsdfs`, `textures`, `images`, `media`.
         """
         return self._scene.info()
@@ -127,8 +127,8 @@ class Scene:
     ) -> Array | dict[str, Array]:
         """Render a picture. Other Python threads run meanwhile, and Ctrl-C raises KeyboardInterrupt.
 
-        It stops at the number of samples, the time or the noise, whichever comes first. Where `time` or `noise` is given
-        and `spp` is not, the samples do not matter.
+        It stops at the number of samples, the time or the noise, whichever comes first. Where `time` or `noise` is
+        given and `spp` is not, the samples do not matter.
 
         Args:
             aovs: Auxiliary outputs: `albedo`, `normal`, `depth`, `position`, `uv`, `object`, `material`,
@@ -138,10 +138,10 @@ class Scene:
             time: Stop after this time in seconds.
             noise: Stop when the relative error, estimated from the variance, is at most this, such as 0.02.
             threads: Threads; 0 takes one for each core. The picture does not depend on it.
-            progress: Called with a `Status` about 20 times a second, in the calling thread. Where it returns False, the rendering
-                stops and what is done is returned. What it raises stops the rendering and is passed on.
-            **settings: Every setting of the renderer, such as `spp=64`, `integrator="path"`, `seed=1`, `width=640`,
-                `max_depth=5`; `parameters()` lists them. None leaves the choice to the file, then to the renderer.
+            progress: Called with a `Status` about 20 times a second, in the calling thread. Where it returns False, the
+                rendering stops and what is done is returned. What it raises stops the rendering and is passed on.
+            **settings: Every setting of the renderer, such as `spp=64`, `integrator="path"`, `seed=1`,
+                `width=640`, `max_depth=5`; `parameters()` lists them. None leaves the choice to the file, then to the renderer.
 
         Returns:
             Without `aovs` the picture: linear Rec. 709 values, `float32` of shape (height, width, 3).
@@ -230,8 +230,8 @@ def load_dict(
 
     Args:
         description: A dictionary of type `scene`. Its entries, and theirs, are dictionaries with a `type`. Colors are
-            `{"type": "rgb", "value": [r, g, b]}`, references `{"type": "ref", "id": name}`; arrays of shape (3,) are vectors,
-            (4, 4) or a `Transform` transforms, (height, width, channels) pictures.
+            `{"type": "rgb", "value": [r, g, b]}`, references `{"type": "ref", "id": name}`; arrays of shape (3,) are
+            vectors, (4, 4) or a `Transform` transforms, (height, width, channels) pictures.
         folder: Where the names of files start.
         search_paths: Further folders in which the scene may read files.
 

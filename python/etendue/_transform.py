@@ -49,8 +49,8 @@ class Transform:
         direction = np.asarray(axis, dtype=np.float64)
         length = float(np.linalg.norm(direction))
         if direction.shape != (3,) or not length > 0.0:
-            raise ValueError(f"an axis has three numbers, not all 0: {axis}")
-        x, y, z = direction / length
+            raise ValueError(f"an axis has three numbers, not all 0, unlike {direction.tolist()}")
+        x, y, z = (float(v) for v in direction / length)
         cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         turn = math.radians(angle)
         step = np.eye(4)
