@@ -1,5 +1,7 @@
 //! The reader of Mitsuba files: what it makes of good files, and what it says of bad ones, with the place.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod support;
 
 use std::path::Path;

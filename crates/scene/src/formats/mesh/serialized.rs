@@ -16,6 +16,11 @@ const DOUBLE: u32 = 0x2000;
 /// zlib cannot shrink data further than this.
 const LARGEST_RATIO: u64 = 1032;
 
+/// How many meshes a file says that it holds; 0 where it is too short to say.
+pub fn count(bytes: &[u8]) -> u32 {
+    bytes.last_chunk::<4>().map_or(0, |b| u32::from_le_bytes(*b))
+}
+
 /// Reads the mesh of a number, from 0.
 ///
 /// # Errors

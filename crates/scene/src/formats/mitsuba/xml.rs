@@ -266,6 +266,15 @@ impl<'a> XmlReader<'a> {
                     self.push(parent, name, value, span, cx.old);
                 }
             }
+            "subsurface" if cx.old => self.report.loss(span, "<subsurface>", "ignored"),
+            "animation" if cx.old => {
+                self.report.loss(span, "<animation>", "its first transform");
+                let name = self.required(node, "name", span);
+                let first = node.children().find(|c| c.has_tag_name("transform"));
+                if let (Some(name), Some(matrix)) = (name, first.and_then(|first| self.transform(cx, first))) {
+                    self.push(parent, name, Value::Transform(matrix), span, cx.old);
+                }
+            }
             _ => {
                 let hint = suggestion(tag, TAGS.iter().copied());
                 self.report.error(span, format!("unknown element <{tag}>{hint}"));

@@ -192,7 +192,8 @@ impl<'t> Props<'t> {
         let m3 = DMat3::from_mat4(matrix);
         let span = m3.x_axis.length() * m3.y_axis.length() * m3.z_axis.length();
         let single = matrix.as_mat4();
-        if !single.is_finite() || !(m3.determinant().abs() > 1e-10 * span) {
+        let invertible = m3.determinant().abs() > 1e-10 * span;
+        if !single.is_finite() || !invertible {
             self.fault_at(name, format!("`{name}` cannot be inverted"));
             return Mat4::IDENTITY;
         }
