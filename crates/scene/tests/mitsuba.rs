@@ -170,6 +170,18 @@ fn lights_are_turned_to_our_axes() {
 }
 
 #[test]
+fn spectra_are_read_from_files() {
+    let folder = TempFolder::new("spectrum");
+    folder.put("s.spd", "# nm value\n400 0.1\n500 0.2\n600 0.8\n700 0.9\n");
+    let path = folder
+        .put("s.xml", r#"<scene version="3.0.0"><bsdf type="diffuse"><spectrum name="reflectance" filename="s.spd"/></bsdf></scene>"#);
+    let desc = read(&path, &ReadOptions::default()).unwrap();
+    let BsdfDesc::Diffuse { reflectance: Param::Constant([r, g, b]), .. } = desc.bsdfs[0].value else { panic!() };
+    // Mitsuba 3.9 in its RGB mode.
+    assert!((r - 0.958689).abs() < 2e-3 && (g - 0.446356).abs() < 2e-3 && (b - 0.10571).abs() < 2e-3, "{r} {g} {b}");
+}
+
+#[test]
 fn groups_are_shared_by_instances() {
     let desc = good(
         r#"<shape type="shapegroup" id="g"><shape type="sphere"/><shape type="cube"/></shape>

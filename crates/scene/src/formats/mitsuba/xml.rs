@@ -22,6 +22,8 @@ const INCLUDE_LIMIT: usize = 1000;
 const NODE_LIMIT: usize = 8_000_000;
 /// Largest XML file in bytes.
 const XML_SIZE_LIMIT: u64 = 512 << 20;
+/// Largest file of a spectrum in bytes.
+const SPECTRUM_SIZE_LIMIT: u64 = 1 << 20;
 /// Longest text that `$key` may grow a value to.
 const VALUE_LIMIT: usize = 16 << 20;
 
@@ -257,7 +259,11 @@ impl<'a> XmlReader<'a> {
             }
             "float" | "integer" | "boolean" | "string" | "point" | "vector" | "rgb" | "srgb" | "spectrum" | "blackbody" => {
                 let name = self.required(node, "name", span);
-                let value = self.value(node, tag, span);
+                let value = if tag == "spectrum" && node.has_attribute("filename") {
+                    self.spectrum_file(cx, node, span)
+                } else {
+                    self.value(node, tag, span)
+                };
                 for inner in node.children().filter(Node::is_element) {
                     let at = cx.cursor.at(inner.range().start, cx.file);
                     self.report.error(at, format!("<{}> inside <{tag}>", inner.tag_name().name()));
@@ -388,7 +394,7 @@ impl<'a> XmlReader<'a> {
                 self.check_attributes(node, span, &["name", "value", "x", "y", "z"]);
                 return self.xyz(node, span, DVec3::ZERO).map(Value::Vector);
             }
-            "spectrum" => self.check_attributes(node, span, &["name", "value", "filename", "intent"]),
+            "spectrum" => self.check_attributes(node, span, &["name", "value", "intent"]),
             "rgb" | "srgb" => self.check_attributes(node, span, &["name", "value", "intent"]),
             "blackbody" => self.check_attributes(node, span, &["name", "temperature", "scale"]),
             _ => self.check_attributes(node, span, &["name", "value"]),
@@ -459,6 +465,41 @@ impl<'a> XmlReader<'a> {
         }
         if !list.is_sorted_by(|a, b| a.0 < b.0) {
             self.report.error(span, "wavelengths must rise");
+            return None;
+        }
+        Some(Value::Spectrum(list))
+    }
+
+    /// A spectrum of a text file: a wavelength and a value to a line, `#` before a comment.
+    fn spectrum_file(&mut self, cx: &Context, node: Node, span: Span) -> Option<Value> {
+        self.check_attributes(node, span, &["name", "filename", "intent"]);
+        let name = self.required(node, "filename", span)?;
+        let folders = std::iter::once(cx.folder.clone()).chain(self.paths.iter().cloned());
+        let bytes = super::find(self.resolver, folders, &name).and_then(|path| {
+            let small = std::fs::metadata(&path).is_ok_and(|m| m.len() <= SPECTRUM_SIZE_LIMIT);
+            if small { Resolver::read(&path) } else { Err(crate::formats::ResolveError::Unfit(name.clone())) }
+        });
+        let bytes = match bytes {
+            Ok(bytes) => bytes,
+            Err(e) => {
+                self.report.error(span, e.to_string());
+                return None;
+            }
+        };
+        let text = String::from_utf8_lossy(&bytes);
+        let lines = text.lines().map(|l| l.split('#').next().unwrap_or_default().trim()).filter(|l| !l.is_empty());
+        let mut list = Vec::new();
+        for line in lines {
+            match self.numbers(line, span)?[..] {
+                [wavelength, value] => list.push((wavelength, value)),
+                _ => {
+                    self.report.error(span, format!("`{name}`: `{}` is not a wavelength and a value", shorten(line)));
+                    return None;
+                }
+            }
+        }
+        if list.is_empty() || !list.is_sorted_by(|a, b| a.0 < b.0) {
+            self.report.error(span, format!("`{name}`: wavelengths must rise"));
             return None;
         }
         Some(Value::Spectrum(list))
