@@ -330,6 +330,12 @@ fn hostile_texts_end_in_bounded_time() {
     }
     chain += "<bsdf type=\"diffuse\" id=\"b20000\"/>";
     assert!(faults(parse(&chain)).iter().any(|f| f.contains("nested more than")));
+    // Many ids, many references to none of them; many shapes in a group.
+    let ids: String = (0..50_000).map(|i| format!("<bsdf type=\"diffuse\" id=\"material_{i}\"/>\n")).collect();
+    let references: String = (0..50_000).map(|i| format!("<shape type=\"sphere\"><ref id=\"matrial_{i}\"/></shape>\n")).collect();
+    assert_eq!(faults(parse(&(ids + &references))).len(), 1000);
+    let group = format!("<shape type=\"shapegroup\" id=\"g\">{}</shape>", "<shape type=\"sphere\"/>\n".repeat(100_000));
+    assert_eq!(good(&group).groups[0].value.shapes.len(), 100_000);
     // One long line with many faults.
     let many = "<bsdf type=\"x\"/>".repeat(50_000);
     assert_eq!(faults(parse(&many)).len(), 1000);
