@@ -143,7 +143,9 @@ impl<'t> Builder<'t> {
     }
 
     fn undefined(&mut self, id: &str, span: Span) {
-        let hint = suggestion(id, self.ids.keys().copied().take(SUGGESTION_LIMIT));
+        // Comparing is slow; after some faults there is probably one reason for all.
+        let candidates = if self.desc.report.faults.len() < 20 { SUGGESTION_LIMIT } else { 0 };
+        let hint = suggestion(id, self.ids.keys().copied().take(candidates));
         self.desc.report.error(span, format!("nothing has the id `{id}`{hint}"));
     }
 
