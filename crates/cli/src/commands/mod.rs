@@ -2,6 +2,7 @@
 
 pub mod bench;
 pub mod compare;
+pub mod denoise;
 pub mod merge;
 pub mod render;
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use etendue_render::denoise::{DenoiseOptions, Denoiser};
 use etendue_render::film::{DevelopOptions, Film};
 use etendue_render::image::tonemap::{ToneMap, ToneOperator};
 use etendue_render::image::{FileFormat, WriteOptions};
@@ -77,6 +78,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let outputs = outputs(&args)?;
     let tone_map = tone_map(&args)?;
     let (aovs, develop) = aovs(&args.aov, args.denoise)?;
+    // A library that is missing is better known before the work.
+    let denoiser = if args.denoise { Some(Denoiser::load().map_err(|e| coded(exit::FAILURE, e))?) } else { None };
+    let denoise = denoiser.as_ref().map(|d| (d, DenoiseOptions { threads: args.threads, ..DenoiseOptions::default() }));
     let settings = &args.settings.0;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("the threads could not be started")?;
     let start = Instant::now();
@@ -121,7 +125,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         film.save(path).with_context(|| format!("{}", path.display()))?;
     }
     for (path, format) in &outputs {
-        write(film, path, *format, &develop, tone_map, args.denoise).with_context(|| format!("{}", path.display()))?;
+        write(film, path, *format, &develop, tone_map, denoise.as_ref()).with_context(|| format!("{}", path.display()))?;
         if !args.quiet {
             let spp = film.max_sample_count();
             let (size, time) = (film.rect(), progress::human(elapsed));
@@ -230,15 +234,15 @@ fn write(
     format: Option<FileFormat>,
     develop: &DevelopOptions,
     tone_map: ToneMap,
-    denoise: bool,
+    denoise: Option<&(&Denoiser, DenoiseOptions)>,
 ) -> anyhow::Result<()> {
     if format.is_none() {
         film.save(path)?;
         return Ok(());
     }
     let mut image = film.develop_with(*develop);
-    if denoise {
-        etendue_render::denoise::denoise(&mut image).map_err(|e| coded(exit::FAILURE, e))?;
+    if let Some((denoiser, options)) = denoise {
+        denoiser.denoise(&mut image, options).map_err(|e| coded(exit::FAILURE, e))?;
     }
     let options = WriteOptions { tone: tone_map, ..WriteOptions::default() };
     image.save(path, &options)?;
