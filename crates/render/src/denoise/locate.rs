@@ -17,10 +17,11 @@ pub(super) const NAMES: &[&str] = if cfg!(windows) {
 
 /// Folders below a `site-packages` in which PyPI packages keep the library: `pyoidn` (2.x), `bpy` (2.x, Blender
 /// as a module) and `oidn` (1.4).
-const IN_SITE_PACKAGES: &[&str] = &["pyoidn/oidn/lib", "pyoidn/oidn/bin", "bpy/lib", "bpy", "oidn/lib.linux.x64", "oidn/lib.win.x64"];
+const IN_SITE_PACKAGES: &[&str] =
+    &["pyoidn/oidn/lib", "pyoidn/oidn/bin", "bpy/lib", "oidn/lib.linux.x64", "oidn/lib.win.x64", "oidn/lib.macos.aarch64"];
 
-/// Folders that loaders do not search by themselves: Homebrew's, and what Intel's installer uses.
-const OTHER_FOLDERS: &[&str] = &["/opt/homebrew/lib", "/usr/local/lib", "/opt/intel/oneapi/oidn/latest/lib"];
+/// Folders that loaders do not always search by themselves: Homebrew's, and where administrators install.
+const OTHER_FOLDERS: &[&str] = &["/opt/homebrew/lib", "/usr/local/lib"];
 
 /// Library files that exist outside of the loader's own places, best first, each once.
 pub(super) fn installed_files() -> Vec<PathBuf> {

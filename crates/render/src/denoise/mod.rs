@@ -142,8 +142,8 @@ impl Denoiser {
 
     /// Removes noise from R, G and B (linear, any range), guided by `albedo.R/G/B` and `N.X/Y/Z` where they are there.
     /// Other channels, alpha among them, stay as they are. Values below 0 (of filters with negative lobes) become 0; a
-    /// pixel that is not finite counts as the mean of its finite neighbors. Needs some 250 bytes of memory for each pixel
-    /// (the library works in tiles on large pictures).
+    /// pixel that is not finite counts as the mean of its finite neighbors. Holds up to five copies of three
+    /// channels, besides what the library itself needs.
     ///
     /// # Errors
     /// [`DenoiseError::NoColor`], or [`DenoiseError::Failed`] with the library's message; the image is unchanged then.

@@ -119,16 +119,12 @@ fn open(file: &Path) -> Result<Library, String> {
     let (Err(_), Some(entries)) = (&library, folder.and_then(|f| std::fs::read_dir(f).ok())) else {
         return library.map_err(|e| e.to_string());
     };
-    let mut has_neighbor = false;
-    for path in entries.flatten().map(|e| e.path()) {
-        if path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("libtbb.so.")) {
-            if let Ok(neighbor) = open_file(&path) {
-                std::mem::forget(neighbor);
-                has_neighbor = true;
-            }
-        }
-    }
-    if has_neighbor { open_file(file) } else { library }.map_err(|e| e.to_string())
+    let is_neighbor = |path: &Path| path.file_name().and_then(|n| n.to_str()).is_some_and(|n| n.starts_with("libtbb.so."));
+    let neighbors: Vec<Library> =
+        entries.flatten().map(|e| e.path()).filter(|p| is_neighbor(p)).filter_map(|p| open_file(&p).ok()).collect();
+    let library = if neighbors.is_empty() { library } else { open_file(file) };
+    neighbors.into_iter().for_each(std::mem::forget);
+    library.map_err(|e| e.to_string())
 }
 
 #[cfg(not(windows))]
