@@ -12,7 +12,7 @@ fn run(dir: &Path, args: &str, library: Option<&str>) -> Output {
     if let Some(library) = library {
         command.env("ETENDUE_OIDN", library);
     }
-    command.output().unwrap()
+    command.output().expect("the command starts")
 }
 
 #[test]
