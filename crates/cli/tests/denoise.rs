@@ -1,5 +1,6 @@
 //! `etendue denoise` and `etendue render --denoise` as a script sees them.
 
+use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output};
 
@@ -31,7 +32,8 @@ fn a_missing_library_is_told_before_any_work() {
 #[test]
 fn a_picture_is_denoised_and_its_other_channels_are_kept() {
     if let Err(e) = Denoiser::load() {
-        eprintln!("SKIPPED, nothing was tested: {e}");
+        // Past the test harness, which hides what passing tests print.
+        let _ = writeln!(std::io::stderr(), "SKIPPED, nothing was tested: {e}");
         return;
     }
     let dir = std::env::temp_dir().join(format!("etendue-cli-denoise-{}", std::process::id()));

@@ -1,3 +1,5 @@
+use std::io::Write;
+
 use super::*;
 use crate::math::fns;
 use crate::math::hash;
@@ -7,7 +9,8 @@ fn installed() -> Option<Denoiser> {
     match Denoiser::load() {
         Ok(denoiser) => Some(denoiser),
         Err(e) => {
-            eprintln!("SKIPPED, nothing was tested: {e}");
+            // Past the test harness, which hides what passing tests print.
+            let _ = writeln!(std::io::stderr(), "SKIPPED, nothing was tested: {e}");
             None
         }
     }
