@@ -37,7 +37,7 @@ pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
 pub use null::Null;
-pub use pbr::Pbr;
+pub use pbr::{DiffuseTilt, Pbr};
 pub use plastic::Plastic;
 pub use principled::Principled;
 pub use rough_conductor::RoughConductor;

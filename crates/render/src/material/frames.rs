@@ -46,19 +46,21 @@ fn keep_reflection(tilted: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     (ng * cos + x * sin).normalize_or(ng)
 }
 
-/// The frame with the normal that a picture stores in tangent space.
-pub(super) fn normal_map(scene: &Scene, s: &Surface, frame: &Frame, wo: Vec3, texture: TextureId, scale: f32) -> Frame {
+/// The frame with the normal that a picture stores in tangent space, bent for the viewer, and that normal as it is stored.
+pub(super) fn normal_map(scene: &Scene, s: &Surface, frame: &Frame, wo: Vec3, texture: TextureId, scale: f32) -> (Frame, Vec3) {
     let [r, g, b] = scene.texture(texture).color(scene, s).rgb();
     let stored = Vec3::new((2.0 * r - 1.0) * scale, (2.0 * g - 1.0) * scale, 2.0 * b - 1.0);
     match frame.world_from_local(stored).try_normalize() {
-        Some(n) => {
+        Some(stored) => {
+            let n = stored;
             let ng = if s.ng.dot(wo) < 0.0 { -s.ng } else { s.ng };
             let n = if frame.n.dot(ng) < 0.0 { n } else { keep_reflection(n, ng, wo) };
             let tilted = Frame::from_normal_tangent(keep_side(n, frame.n, wo), frame.s);
             // Keep the handedness of the texture coordinates.
-            if tilted.t.dot(frame.t) < 0.0 { Frame { t: -tilted.t, ..tilted } } else { tilted }
+            let t = if tilted.t.dot(frame.t) < 0.0 { -tilted.t } else { tilted.t };
+            (Frame { t, ..tilted }, stored)
         }
-        None => *frame,
+        None => (*frame, frame.n),
     }
 }
 

@@ -2,15 +2,16 @@
 
 use etendue_scene::desc::PbrDesc;
 
-use crate::bsdf::{Bsdf, Pbr};
+use crate::bsdf::{Bsdf, DiffuseTilt, Pbr};
 use crate::math::{Frame, Vec3, fns};
 
 use super::frames::normal_map;
 use crate::scene::{Scene, Surface};
 
 /// Evaluates the textures of a glTF material. `frame` is the shading frame with the base's normal map; the coat has its own normal
-/// map or none, so its normal is found from the untilted one (`base_normal`, where the frame is tilted).
-pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &Frame, base_normal: Option<Vec3>) -> Bsdf {
+/// map or none, so its normal is found from the untilted one. `tilt`: the untilted normal and that of the base's map before it was bent.
+pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &Frame, tilt: Option<(Vec3, Vec3)>) -> Bsdf {
+    let base_normal = tilt.map(|(base, _)| base);
     let number = |v| scene.scalar(v, s);
     let mut anisotropy = number(&p.anisotropy);
     let mut anisotropy_rotation = p.anisotropy_rotation;
@@ -24,7 +25,7 @@ pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &F
     let clearcoat_normal = if clearcoat > 0.0 {
         let untilted = base_normal.map(|n| Frame { n, ..Frame::from_normal_tangent(n, frame.s) });
         match p.clearcoat_normal {
-            Some((texture, scale)) => Some(normal_map(scene, s, &untilted.unwrap_or(*frame), wo, texture, scale).n),
+            Some((texture, scale)) => Some(normal_map(scene, s, &untilted.unwrap_or(*frame), wo, texture, scale).0.n),
             None => base_normal,
         }
     } else {
@@ -41,6 +42,7 @@ pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &F
         clearcoat,
         clearcoat_roughness: number(&p.clearcoat_roughness),
         clearcoat_normal,
+        diffuse_tilt: tilt.map(|(base, stored)| DiffuseTilt { base: frame.local_from_world(base), normal: frame.local_from_world(stored) }),
         sheen_color: scene.color(&p.sheen_color, s),
         sheen_roughness: number(&p.sheen_roughness),
         transmission: number(&p.transmission),

@@ -16,17 +16,17 @@ pub struct Part {
     pub weight: f32,
     /// Shading frame; `n` is on the side of `wo` for the back of two-sided models.
     pub frame: Frame,
-    /// The unperturbed shading normal, where a bump or normal map has tilted the frame: light must not change sides.
-    pub base_normal: Option<Vec3>,
+    /// The geometric normal on the frame's side, where a bump or normal map has tilted the frame: light must not change sides.
+    pub face_normal: Option<Vec3>,
     /// The model.
     pub bsdf: Bsdf,
 }
 
 impl Part {
-    /// Whether a direction is on the same side of the tilted and of the untilted surface.
+    /// Whether a direction is on the same side of the tilted frame and of the surface.
     #[inline]
     fn consistent(&self, w: Vec3) -> bool {
-        self.base_normal.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
+        self.face_normal.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
     }
 }
 

@@ -22,6 +22,8 @@ struct Cursor {
     weight: f32,
     frame: Frame,
     base_normal: Option<Vec3>,
+    /// The normal as a normal map stores it; that of the frame may be bent for the viewer.
+    stored_normal: Option<Vec3>,
     depth: u32,
 }
 
@@ -34,7 +36,7 @@ impl Material {
             // Interpolated normals turn away from the viewer near silhouettes, where the surface does not.
             frame = Frame::from_normal_tangent(frames::keep_side(frame.n, s.ng, wo), frame.s);
         }
-        let cursor = Cursor { weight: 1.0, frame, base_normal: None, depth: 0 };
+        let cursor = Cursor { weight: 1.0, frame, base_normal: None, stored_normal: None, depth: 0 };
         self.descend(scene, s, wo, cursor, &mut scatter);
         scatter
     }
@@ -55,15 +57,15 @@ impl Material {
             BsdfDesc::Mask { nested: inner, opacity } => {
                 let w = scene.scalar(opacity, s).clamp(0.0, 1.0);
                 nested(*inner).descend(scene, s, wo, Cursor { weight: at.weight * w, ..deeper }, out);
-                push(out, Cursor { weight: at.weight * (1.0 - w), ..at }, Bsdf::Null(Null));
+                push(out, s, Cursor { weight: at.weight * (1.0 - w), ..at }, Bsdf::Null(Null));
             }
             BsdfDesc::TwoSided { front, back } => {
                 if at.frame.n.dot(wo) >= 0.0 {
                     nested(*front).descend(scene, s, wo, deeper, out);
                 } else {
                     let frame = Frame { n: -at.frame.n, ..at.frame };
-                    let base_normal = at.base_normal.map(|n| -n);
-                    nested(*back).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
+                    let (base_normal, stored_normal) = (at.base_normal.map(|n| -n), at.stored_normal.map(|n| -n));
+                    nested(*back).descend(scene, s, wo, Cursor { frame, base_normal, stored_normal, ..deeper }, out);
                 }
             }
             BsdfDesc::BumpMap { nested: inner, texture, scale } => {
@@ -72,13 +74,13 @@ impl Material {
                 nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
             }
             BsdfDesc::NormalMap { nested: inner, texture, scale } => {
-                let frame = frames::normal_map(scene, s, &at.frame, wo, *texture, *scale);
+                let (frame, stored) = frames::normal_map(scene, s, &at.frame, wo, *texture, *scale);
                 let base_normal = at.base_normal.or(Some(at.frame.n));
-                nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
+                nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, stored_normal: Some(stored), ..deeper }, out);
             }
             _ => {
                 if let Some(bsdf) = self.bsdf(scene, s, wo, &at) {
-                    push(out, at, bsdf);
+                    push(out, s, at, bsdf);
                 }
             }
         }
@@ -171,7 +173,7 @@ impl Material {
                     thin: p.thin,
                 })
             }
-            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, wo, p, &at.frame, at.base_normal),
+            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, wo, p, &at.frame, at.base_normal.zip(at.stored_normal)),
             BsdfDesc::Null => Bsdf::Null(Null),
             BsdfDesc::Blend { .. }
             | BsdfDesc::Mask { .. }
@@ -185,7 +187,7 @@ impl Material {
 /// What lies under a coat: sides and tilts of the nested model are the coat's, its blends are cut to their first part.
 fn coated_base(scene: &Scene, s: &Surface, wo: Vec3, base: BsdfId) -> Option<CoatedBase> {
     let mut inner = Scatter::default();
-    let at = Cursor { weight: 1.0, frame: s.frame, base_normal: None, depth: 0 };
+    let at = Cursor { weight: 1.0, frame: s.frame, base_normal: None, stored_normal: None, depth: 0 };
     scene.materials[base.0 as usize].descend(scene, s, wo, at, &mut inner);
     Some(match inner.parts.into_iter().next()?.bsdf {
         Bsdf::Diffuse(b) => CoatedBase::Diffuse(b),
@@ -202,9 +204,10 @@ fn microfacet(scene: &Scene, s: &Surface, r: &Roughness) -> Microfacet {
     Microfacet::new(distribution(r.distribution), scene.scalar(&r.alpha_u, s), scene.scalar(&r.alpha_v, s))
 }
 
-fn push(out: &mut Scatter, at: Cursor, bsdf: Bsdf) {
+fn push(out: &mut Scatter, s: &Surface, at: Cursor, bsdf: Bsdf) {
     if at.weight > 0.0 {
         // A full list drops the rest: `max_parts` of the compiler has said so.
-        let _ = out.parts.try_push(Part { weight: at.weight, frame: at.frame, base_normal: at.base_normal, bsdf });
+        let face_normal = at.base_normal.map(|n| if n.dot(s.ng) < 0.0 { -s.ng } else { s.ng });
+        let _ = out.parts.try_push(Part { weight: at.weight, frame: at.frame, face_normal, bsdf });
     }
 }

@@ -40,6 +40,8 @@ pub(super) struct Layers<'a> {
     view: Vec3,
     /// The back side of a thin material: the caller mirrors directions at the surface.
     pub mirrored: bool,
+    /// Normals of the diffuse base in the lobe frame.
+    diffuse_tilt: Option<super::DiffuseTilt>,
     /// The view is in the solid.
     pub inside: bool,
     sheen: Option<Sheen>,
@@ -97,6 +99,9 @@ impl<'a> Layers<'a> {
             b,
             view,
             mirrored,
+            diffuse_tilt: b
+                .diffuse_tilt
+                .map(|t| super::DiffuseTilt { base: b.lobe_from_local(t.base, mirrored), normal: b.lobe_from_local(t.normal, mirrored) }),
             inside,
             sheen: None,
             sheen_albedo: Spectrum::ZERO,
@@ -318,7 +323,8 @@ impl<'a> Layers<'a> {
             }
             return value;
         }
-        let mut value = diffuse * (INV_PI * light.z);
+        let cos_diffuse = self.diffuse_tilt.map_or(light.z, |t| t.cosine(light));
+        let mut value = diffuse * (INV_PI * cos_diffuse);
         let m = self.half(light);
         let cos = self.view.dot(m).min(1.0);
         let dg = self.base_dg(light, m);
