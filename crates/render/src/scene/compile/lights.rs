@@ -126,7 +126,7 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
             let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false).ok_or_else(nothing)?;
             vec![Light::Environment(Box::new(light))]
         }
-        LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky),
+        LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky).ok_or_else(nothing)?,
     })
 }
 
