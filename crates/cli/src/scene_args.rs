@@ -32,7 +32,7 @@ fn parse_define(text: &str) -> Result<(String, String), String> {
 }
 
 impl SceneArgs {
-    /// Reads the scene.
+    /// Reads the scene; its report also names what the renderer does not honor.
     ///
     /// # Errors
     /// [`ReadError`]
@@ -43,6 +43,8 @@ impl SceneArgs {
             variant: self.variant.clone(),
             scene: self.gltf_scene.clone(),
         };
-        formats::read(&self.scene, &options)
+        let mut desc = formats::read(&self.scene, &options)?;
+        desc.report.losses.extend(etendue_render::scene::losses(&desc));
+        Ok(desc)
     }
 }

@@ -27,6 +27,8 @@ params! {
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.
         ao_distance: Option<f32> = None, "number", "scene units";
+        /// Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files.
+        light_groups: bool = false, "switch", "";
         /// Name or number of the camera, where a file has several.
         camera: Option<String> = None, "name or number", "";
     }

@@ -8,7 +8,7 @@ mod pbr;
 mod scatter;
 mod shade;
 
-pub use scatter::{Part, Scatter};
+pub use scatter::{MAX_PARTS, Part, Scatter};
 
 use etendue_scene::desc::{BsdfDesc, MicrofacetKind, Param, Roughness, SceneDesc};
 

@@ -72,7 +72,7 @@ impl Material {
                 nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
             }
             _ => {
-                if let Some(bsdf) = self.bsdf(scene, s, wo) {
+                if let Some(bsdf) = self.bsdf(scene, s, wo, &at) {
                     push(out, at, bsdf);
                 }
             }
@@ -80,7 +80,7 @@ impl Material {
     }
 
     /// The model of a material that nests no weighted ones; `None` for those that do.
-    fn bsdf(&self, scene: &Scene, s: &Surface, wo: Vec3) -> Option<Bsdf> {
+    fn bsdf(&self, scene: &Scene, s: &Surface, wo: Vec3, at: &Cursor) -> Option<Bsdf> {
         let color = |c: &Color| scene.color(c, s);
         Some(match &self.desc {
             BsdfDesc::Diffuse { reflectance, alpha: None } => Bsdf::Diffuse(Diffuse { reflectance: color(reflectance) }),
@@ -166,7 +166,7 @@ impl Material {
                     thin: p.thin,
                 })
             }
-            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, p),
+            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, p, &at.frame, at.base_normal),
             BsdfDesc::Null => Bsdf::Null(Null),
             BsdfDesc::Blend { .. }
             | BsdfDesc::Mask { .. }

@@ -2,10 +2,12 @@
 
 mod compile;
 pub mod geometry;
+mod losses;
 mod names;
 pub mod surface;
 
 pub use compile::compile;
+pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;
 

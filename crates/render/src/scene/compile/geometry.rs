@@ -14,6 +14,8 @@ pub(super) struct Context<'a> {
     pub materials: &'a [Material],
     pub attributes: &'a mut Names,
     pub groups: &'a mut Names,
+    /// Whether each named emitting shape is a light group of its own.
+    pub light_groups: bool,
     /// Number of objects so far in the whole scene.
     pub object_count: u32,
 }
@@ -78,7 +80,7 @@ fn object(node: &Node<ShapeDesc>, ctx: &mut Context) -> Object {
         emission: shape.emission.as_ref().map(|e| Emission {
             radiance: e.radiance,
             two_sided: e.two_sided,
-            group: ctx.groups.intern(&e.group),
+            group: ctx.groups.intern(if ctx.light_groups && e.group.is_empty() { &node.name } else { &e.group }),
         }),
         interior: shape.interior.map_or(NONE, |m| m.0),
         id: ctx.object_count,

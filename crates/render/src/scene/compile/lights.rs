@@ -25,8 +25,9 @@ pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings
         let found = make(desc, &node.value);
         match found {
             Ok(lights) => {
+                let group = group_of(scene, settings, &node.name);
                 for light in lights {
-                    push(scene, light, 0);
+                    push(scene, light, group);
                 }
             }
             Err(message) => faults.push(Fault { severity: Severity::Error, span: node.span, message }),
@@ -56,6 +57,18 @@ fn scene_sphere(scene: &Scene) -> SceneSphere {
     } else {
         SceneSphere { center: crate::math::Vec3::ZERO, radius: 1.0 }
     }
+}
+
+/// The light group of a light of that name: its own where the settings ask for it, else the common one.
+fn group_of(scene: &mut Scene, settings: &RenderSettings, name: &str) -> u32 {
+    if !settings.light_groups || name.is_empty() {
+        return 0;
+    }
+    let known = scene.group_names.iter().position(|n| n == name);
+    known.unwrap_or_else(|| {
+        scene.group_names.push(name.to_owned());
+        scene.group_names.len() - 1
+    }) as u32
 }
 
 fn push(scene: &mut Scene, light: Light, group: u32) {

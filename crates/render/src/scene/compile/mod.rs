@@ -27,7 +27,14 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
     let textures = texture::compile(desc, &mut attributes)?;
-    let mut ctx = Context { desc, materials: &materials, attributes: &mut attributes, groups: &mut groups, object_count: 0 };
+    let mut ctx = Context {
+        desc,
+        materials: &materials,
+        attributes: &mut attributes,
+        groups: &mut groups,
+        light_groups: settings.light_groups,
+        object_count: 0,
+    };
     let (geometries, placements) = place(desc, &mut ctx);
     let blases: Vec<Blas> =
         geometries.iter().map(|g| Blas::build(BlasInput { positions: &g.positions, triangles: &g.triangles, shapes: &g.shapes })).collect();
