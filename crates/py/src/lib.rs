@@ -1,1 +1,39 @@
-//! The Python module `etendue._etendue`.
+//! The Python module `etendue._etendue`: a thin layer over the same sessions that the command line drives.
+//!
+//! The package `etendue` (python/etendue) wraps it with typed signatures and documentation; nothing else should import it.
+//! All long work runs on threads without Python's lock, see [`background`].
+
+mod background;
+mod command;
+mod dict;
+mod errors;
+mod images;
+mod info;
+mod layers;
+mod places;
+mod render;
+mod scene;
+mod settings;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _etendue {
+    #[pymodule_export]
+    use super::command::cli_main;
+    #[pymodule_export]
+    use super::images::{compare, flip_map, read_layers, tonemap, write_layers};
+    #[pymodule_export]
+    use super::render::Status;
+    #[pymodule_export]
+    use super::scene::{Scene, load, load_dict, load_string};
+    #[pymodule_export]
+    use super::settings::parameters;
+
+    use super::{Bound, PyModule, PyModuleMethods, PyResult};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}

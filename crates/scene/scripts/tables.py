@@ -4,7 +4,7 @@
 Refractive indices: the published measurements that Mitsuba 3 ships (Palik 1985, SOPRA, luxpop), taken to linear Rec. 709 as its RGB mode
 does: integrated with the CIE 1931 observer under D65 and divided by the same integral of 1. CIE tables: the 1931 2-degree observer and D65,
 CIE 015:2018, at 5 nm."""
-import contextlib, io, os, pathlib
+import pathlib
 import mitsuba as mi
 
 here = pathlib.Path(__file__).resolve().parent.parent / 'src'

@@ -1,0 +1,110 @@
+# make run    renders a picture
+# make test   runs all tests and linters
+# make help   lists the rest
+
+SHELL := bash
+.SHELLFLAGS := -euo pipefail -c
+.DELETE_ON_ERROR:
+.ONESHELL:
+MAKEFLAGS += --no-builtin-rules --no-print-directory
+
+PYTHON ?= python3
+CARGO ?= cargo
+WIDTH ?= 1280
+HEIGHT ?= 720
+SCENE ?= scenes/gallery/atrium.xml
+PICTURE ?= out/$(basename $(notdir $(SCENE))).png
+# Further arguments of `etendue render`, such as RENDER_ARGS="--spp 256 --tonemap agx".
+RENDER_ARGS ?=
+
+VENV := .venv
+BIN := $(VENV)/bin
+WHEEL_VENV := target/wheel-venv
+# The same for each call of cargo, so that nothing is built twice: Python's library is not linked, and one interpreter is named.
+export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+export PYO3_BUILD_EXTENSION_MODULE := 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# Tests, clippy and the Python module share one profile.
+PROFILE := dev
+
+.PHONY: help run build test lint test-rust test-python develop wheel fmt bench clean
+
+help:
+	@echo "make run      build and render $(SCENE) at $(WIDTH)x$(HEIGHT)"
+	echo "make test     all tests and linters, of Rust and Python"
+	echo "make lint     the linters alone"
+	echo "make fmt      format all sources"
+	echo "make build    the command: target/release/etendue"
+	echo "make develop  the Python package in $(VENV), from the sources"
+	echo "make wheel    a wheel of the Python package in target/wheels"
+	echo "make clean    remove everything that was built"
+
+build:
+	$(CARGO) build --release --locked -p etendue-cli
+
+run: build
+	@mkdir -p "$(dir $(PICTURE))"
+	start=$$(date +%s)
+	target/release/etendue render "$(SCENE)" -o "$(PICTURE)" --width $(WIDTH) --height $(HEIGHT) --progress bar $(RENDER_ARGS)
+	echo "The picture is $(abspath $(PICTURE)); it took $$(( $$(date +%s) - start )) s."
+
+# The steps run one after the other: they share the cores and cargo's lock anyway. The quick ones come first.
+test:
+	@$(MAKE) lint
+	$(MAKE) test-rust
+	$(MAKE) test-python
+	echo "All tests and linters have passed."
+
+lint: $(VENV)/installed
+	$(CARGO) fmt --all --check
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/python scripts/check_dependencies.py
+	$(BIN)/mypy
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+
+test-rust: $(VENV)/installed
+	$(CARGO) test --workspace --locked
+
+# The package as developers have it, then as it is installed: a wheel in an environment of its own.
+test-python: develop
+	$(BIN)/python -m pytest
+	$(MAKE) test-wheel
+
+develop: $(VENV)/installed
+	@skip=; if [[ $(VENV)/editable -nt pyproject.toml && $(VENV)/editable -nt $(VENV)/installed ]]; then skip=--skip-install; fi
+	$(BIN)/maturin develop --profile $(PROFILE) --locked $$skip
+	[[ -n $$skip ]] || touch $(VENV)/editable
+
+.PHONY: test-wheel
+test-wheel: $(WHEEL_VENV)/installed
+	rm -rf target/test-wheel
+	$(BIN)/pip wheel . --quiet --no-build-isolation --no-deps --no-index --wheel-dir target/test-wheel --config-settings=build-args="--profile $(PROFILE)"
+	$(WHEEL_VENV)/bin/pip install --quiet --no-deps --no-index --force-reinstall target/test-wheel/etendue-*.whl
+	cd target/test-wheel
+	../wheel-venv/bin/python ../../scripts/check_wheel.py
+
+wheel: $(VENV)/installed
+	$(BIN)/maturin build --release --locked --out target/wheels
+
+# Stamps: installed again only where the list of tools has changed.
+$(VENV)/installed: requirements-dev.txt
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	echo "Installing the Python tools into $(VENV)"
+	$(BIN)/pip install --quiet --requirement requirements-dev.txt
+	touch $@
+
+$(WHEEL_VENV)/installed: requirements-dev.txt
+	@rm -rf $(WHEEL_VENV)
+	$(PYTHON) -m venv $(WHEEL_VENV)
+	$(WHEEL_VENV)/bin/pip install --quiet $$(grep '^numpy' requirements-dev.txt | sed 's/ //g' | paste -sd' ')
+	touch $@
+
+fmt: $(VENV)/installed
+	$(CARGO) fmt --all
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+clean:
+	$(CARGO) clean
+	rm -rf $(VENV) out

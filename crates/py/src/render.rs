@@ -1,0 +1,147 @@
+//! Rendering with progress, cancelling and Python's signals.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+use etendue_render::film::DevelopOptions;
+use etendue_render::session::job::{self, JobError, Plan};
+use etendue_render::session::{self, Aov, Cancel, Observer, Stop};
+use etendue_scene::{RenderSettings, SceneDesc};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyDict};
+
+use crate::places::Places;
+use crate::{background, errors, layers};
+
+/// How far a rendering is.
+#[pyclass(frozen, get_all, module = "etendue._etendue")]
+pub struct Status {
+    /// Done share from 0 to 1.
+    fraction: f64,
+    /// Samples per pixel that are complete everywhere.
+    spp_done: u32,
+    /// Samples per pixel that are planned; None where time or noise decides.
+    spp_target: Option<u32>,
+    /// Seconds since the start.
+    elapsed_secs: f64,
+    /// Estimated relative error; None until it is known.
+    relative_error: Option<f64>,
+}
+
+#[pymethods]
+impl Status {
+    fn __repr__(&self) -> String {
+        format!("Status(fraction={:.3}, spp_done={}, elapsed_secs={:.3})", self.fraction, self.spp_done, self.elapsed_secs)
+    }
+}
+
+impl From<session::Status> for Status {
+    fn from(s: session::Status) -> Self {
+        let elapsed_secs = s.elapsed.as_secs_f64();
+        let session::Status { fraction, spp_done, spp_target, relative_error, .. } = s;
+        Self { fraction, spp_done, spp_target, elapsed_secs, relative_error }
+    }
+}
+
+/// Keeps the newest status for the thread that tells Python of it, and the error from then on.
+#[derive(Default)]
+struct Latest(Mutex<Option<session::Status>>, Mutex<Option<f64>>);
+
+impl Latest {
+    fn take(&self) -> Option<session::Status> {
+        let mut status = self.0.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let mut error = self.1.lock().unwrap_or_else(PoisonError::into_inner);
+        *error = status.relative_error.or(*error);
+        status.relative_error = error.filter(|e| e.is_finite());
+        Some(status)
+    }
+}
+
+impl Observer for Latest {
+    fn status(&self, status: &session::Status) {
+        let mut latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let relative_error = status.relative_error.or(latest.and_then(|s| s.relative_error));
+        *latest = Some(session::Status { relative_error, ..*status });
+    }
+}
+
+/// What `Scene.render` takes.
+pub struct RenderArgs<'py> {
+    pub settings: RenderSettings,
+    pub crop: Option<[u32; 4]>,
+    pub time: Option<f64>,
+    pub noise: Option<f64>,
+    pub threads: usize,
+    pub aovs: Vec<String>,
+    pub progress: Option<Bound<'py, PyAny>>,
+}
+
+/// Renders and returns the picture's layers by name.
+///
+/// # Errors
+/// `SettingError`, `SceneError`, and what the progress callback or a signal handler raises.
+pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args: RenderArgs<'py>) -> PyResult<Bound<'py, PyDict>> {
+    let RenderArgs { settings, crop, time, noise, threads, aovs, progress } = args;
+    let job_error = |e: JobError| errors::job_error(py, &e, &desc.files, places);
+    let (aovs, develop) = parse_aovs(py, &aovs)?;
+    let plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
+    let stop = stop(py, &settings, &plan, time, noise)?;
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
+    let (worker, pool_desc) = (Arc::clone(&pool), Arc::clone(desc));
+    let prepare = move || worker.install(|| job::prepare(&pool_desc, &settings, &plan, &aovs));
+    let mut session = background::run(py, None, prepare, |_| Ok(()))?.map_err(job_error)?;
+
+    let (cancel, latest) = (Cancel::default(), Arc::new(Latest::default()));
+    let tell = |status: session::Status| -> PyResult<()> {
+        let Some(progress) = &progress else { return Ok(()) };
+        let answer = progress.call1((Status::from(status),))?;
+        // Only `False` itself stops: a callback that returns nothing returns None.
+        if answer.cast::<PyBool>().is_ok_and(|b| !b.is_true()) {
+            cancel.cancel();
+        }
+        Ok(())
+    };
+    let (worker_cancel, worker_latest) = (cancel.clone(), Arc::clone(&latest));
+    let work = move || {
+        let result = pool.install(|| session.render(&stop, &worker_cancel, &*worker_latest));
+        (session, result)
+    };
+    let (session, result) = background::run(py, Some(&cancel), work, |_| latest.take().map_or(Ok(()), tell))?;
+    result.map_err(|e| errors::error(py, "Error", e.to_string()))?;
+    latest.take().map_or(Ok(()), tell)?;
+    let image = py.detach(|| session.film().develop_with(develop));
+    layers::to_python(py, &image)
+}
+
+/// As the command line does: without a number of samples, time and noise alone decide.
+fn stop(py: Python<'_>, settings: &RenderSettings, plan: &Plan, time: Option<f64>, noise: Option<f64>) -> PyResult<Stop> {
+    let duration = |secs: f64| {
+        Duration::try_from_secs_f64(secs).map_err(|e| errors::error(py, "SettingError", format!("`time` takes seconds, not {secs}: {e}")))
+    };
+    let time = time.map(duration).transpose()?;
+    let by_other = settings.spp.is_none() && (time.is_some() || noise.is_some());
+    Ok(Stop { spp: (!by_other).then_some(plan.spp), time, noise })
+}
+
+fn parse_aovs(py: Python<'_>, names: &[String]) -> PyResult<(Vec<Aov>, DevelopOptions)> {
+    let mut develop = DevelopOptions::default();
+    let mut aovs = Vec::new();
+    for name in names {
+        match name.as_str() {
+            "all" => {
+                aovs.extend(Aov::ALL);
+                develop = DevelopOptions { variance: true, sample_count: true };
+            }
+            "variance" => develop.variance = true,
+            "samples" => develop.sample_count = true,
+            _ => aovs.push(Aov::from_name(name).ok_or_else(|| {
+                let known: Vec<_> = Aov::ALL.iter().map(|a| a.name()).collect();
+                errors::error(py, "SettingError", format!("no AOV `{name}`; there are {}, variance, samples, all", known.join(", ")))
+            })?),
+        }
+    }
+    aovs.sort_by_key(|a| *a as u8);
+    aovs.dedup();
+    Ok((aovs, develop))
+}

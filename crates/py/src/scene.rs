@@ -1,0 +1,122 @@
+//! Scenes: reading them and what is known of them.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use etendue_scene::formats::{self, ReadOptions, mitsuba};
+use etendue_scene::{ReadError, SceneDesc, Severity, passes, validate};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::places::{Place, Places};
+use crate::render::RenderArgs;
+use crate::{background, dict, errors, info, render};
+
+/// A scene that has been read. It never changes.
+#[pyclass(frozen, module = "etendue._etendue")]
+pub struct Scene {
+    desc: Arc<SceneDesc>,
+    places: Arc<Places>,
+}
+
+#[pymethods]
+impl Scene {
+    /// What is in the scene, as a dictionary.
+    fn info<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        info::of(py, &self.desc)
+    }
+
+    /// What the file holds and the renderer does not honor: (file, line, column, feature, effect).
+    fn losses(&self) -> Vec<(String, Option<u32>, Option<u32>, String, String)> {
+        let losses = self.desc.report.losses.iter();
+        losses
+            .map(|l| {
+                let (file, line, column): Place = self.places.place(l.span, &self.desc.files);
+                (file, line, column, l.feature.clone(), l.effect.clone())
+            })
+            .collect()
+    }
+
+    /// Warnings of the reader: (file, line, column, severity, message).
+    fn warnings(&self) -> Vec<(String, Option<u32>, Option<u32>, &'static str, String)> {
+        let warnings = self.desc.report.faults.iter().filter(|f| f.severity == Severity::Warning);
+        warnings
+            .map(|f| {
+                let (file, line, column): Place = self.places.place(f.span, &self.desc.files);
+                (file, line, column, errors::severity(f.severity), f.message.clone())
+            })
+            .collect()
+    }
+
+    /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.
+    #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        settings: &Bound<'py, PyDict>,
+        crop: Option<[u32; 4]>,
+        time: Option<f64>,
+        noise: Option<f64>,
+        threads: usize,
+        aovs: Vec<String>,
+        progress: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let args = RenderArgs { settings: crate::settings::from_keywords(settings)?, crop, time, noise, threads, aovs, progress };
+        render::render(py, &self.desc, &self.places, args)
+    }
+}
+
+fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, variant: Option<String>, scene: Option<String>) -> ReadOptions {
+    ReadOptions { search_paths, defines, variant, scene }
+}
+
+/// Reads in the background and wraps the result.
+fn read(py: Python<'_>, places: Places, work: impl FnOnce() -> Result<SceneDesc, ReadError> + Send + 'static) -> PyResult<Scene> {
+    let desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
+    Ok(Scene { desc: Arc::new(desc), places: Arc::new(places) })
+}
+
+/// What [`formats::read`] does after the reader itself.
+fn finish(mut desc: SceneDesc) -> Result<SceneDesc, ReadError> {
+    passes::load_meshes(&mut desc)?;
+    passes::complete(&mut desc);
+    validate::validate(&mut desc)?;
+    Ok(desc)
+}
+
+/// Reads a scene file of any format.
+#[pyfunction]
+pub fn load(
+    py: Python<'_>,
+    path: PathBuf,
+    search_paths: Vec<PathBuf>,
+    defines: BTreeMap<String, String>,
+    variant: Option<String>,
+    scene: Option<String>,
+) -> PyResult<Scene> {
+    let options = options(search_paths, defines, variant, scene);
+    read(py, Places::default(), move || formats::read(&path, &options))
+}
+
+/// Reads a Mitsuba scene from its XML text; names of files start in `folder`.
+#[pyfunction]
+pub fn load_string(
+    py: Python<'_>,
+    text: String,
+    folder: PathBuf,
+    search_paths: Vec<PathBuf>,
+    defines: BTreeMap<String, String>,
+) -> PyResult<Scene> {
+    let options = options(search_paths, defines, None, None);
+    read(py, Places::default(), move || finish(mitsuba::read_bytes(&folder.join("<string>"), text.as_bytes(), &options)?))
+}
+
+/// Reads a scene from a nested dictionary in Mitsuba's terms; names of files start in `folder`.
+#[pyfunction]
+pub fn load_dict(py: Python<'_>, description: &Bound<'_, PyDict>, folder: PathBuf, search_paths: Vec<PathBuf>) -> PyResult<Scene> {
+    let options = options(search_paths, BTreeMap::new(), None, None);
+    let (tree, places) = dict::tree(description)?;
+    read(py, places, move || finish(mitsuba::from_tree(&tree, &folder, &options)?))
+}

@@ -1,0 +1,76 @@
+# The compiled module (crates/py). Use the package `etendue`, which wraps it.
+
+import os
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+_Array = NDArray[np.float32]
+_Layers = dict[str, _Array]
+
+__version__: str
+
+@final
+class Status:
+    """How far a rendering is."""
+
+    @property
+    def fraction(self) -> float:
+        """Done share from 0 to 1."""
+    @property
+    def spp_done(self) -> int:
+        """Samples per pixel that are complete everywhere."""
+    @property
+    def spp_target(self) -> int | None:
+        """Samples per pixel that are planned; None where time or noise decides."""
+    @property
+    def elapsed_secs(self) -> float:
+        """Seconds since the start."""
+    @property
+    def relative_error(self) -> float | None:
+        """Estimated relative error; None until it is known."""
+
+@final
+class Scene:
+    def info(self) -> dict[str, Any]: ...
+    def losses(self) -> list[tuple[str, int | None, int | None, str, str]]: ...
+    def warnings(self) -> list[tuple[str, int | None, int | None, str, str]]: ...
+    def render(
+        self,
+        settings: Mapping[str, object],
+        *,
+        crop: Sequence[int] | None,
+        time: float | None,
+        noise: float | None,
+        threads: int,
+        aovs: Sequence[str],
+        progress: Callable[[Status], object] | None,
+    ) -> _Layers: ...
+
+def load(
+    path: str | os.PathLike[str],
+    search_paths: Sequence[str | os.PathLike[str]],
+    defines: Mapping[str, str],
+    variant: str | None,
+    scene: str | None,
+) -> Scene: ...
+def load_string(
+    text: str,
+    folder: str | os.PathLike[str],
+    search_paths: Sequence[str | os.PathLike[str]],
+    defines: Mapping[str, str],
+) -> Scene: ...
+def load_dict(
+    description: dict[str, Any],
+    folder: str | os.PathLike[str],
+    search_paths: Sequence[str | os.PathLike[str]],
+) -> Scene: ...
+def parameters() -> list[tuple[str, str, str, str, str]]: ...
+def cli_main(argv: Sequence[str]) -> int: ...
+def read_layers(path: str | os.PathLike[str]) -> _Layers: ...
+def write_layers(path: str | os.PathLike[str], arrays: Sequence[tuple[str, _Array]], operator: str, exposure: float) -> None: ...
+def tonemap(array: _Array, operator: str, exposure: float) -> _Array: ...
+def compare(image: _Array, reference: _Array, hdr: bool) -> dict[str, float | None]: ...
+def flip_map(image: _Array, reference: _Array, hdr: bool) -> _Array: ...
