@@ -164,7 +164,7 @@ fn exit_codes_tell_what_is_wrong_before_any_work() {
         ("render scene.xml --light-sampler magic", 2, "there are bvh"),
         ("render scene.xml --aov magic", 2, "there are albedo"),
         ("render scene.xml --tonemap magic", 2, "there are standard"),
-        ("render scene.xml --camera magic", 2, "no camera `magic`"),
+        ("render scene.xml --camera magic", 3, "no camera `magic`"),
         ("render scene.xml --crop 0,0,99,9", 2, "not inside"),
         ("render scene.xml --crop 0,0,9", 2, "four whole numbers"),
         ("render scene.xml --width 0", 2, "not possible"),

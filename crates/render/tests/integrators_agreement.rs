@@ -116,7 +116,7 @@ fn instances_are_what_they_are_copies_of() {
         let shiny = bsdf(&mut desc, plastic(0.4, false, Some(0.2)));
         rectangle(&mut desc, Vec3::ZERO, [4.0; 2], false, Some(white));
         constant_sky(&mut desc, 0.3);
-        let mut parts = |desc: &mut SceneDesc, m: Mat4| {
+        let parts = |desc: &mut SceneDesc, m: Mat4| {
             let cube = m * Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5)) * Mat4::from_scale(Vec3::new(0.5, 0.3, 0.4));
             let cube = shape(desc, GeometryDesc::Cube, cube, Some(shiny));
             let place = m * Mat4::from_translation(Vec3::new(0.2, -0.8, 0.4)) * Mat4::from_scale(Vec3::splat(0.3));

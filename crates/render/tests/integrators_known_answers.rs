@@ -35,23 +35,23 @@ fn single(value: BsdfDesc) -> impl FnOnce(&mut SceneDesc) -> BsdfId {
 #[test]
 fn white_furnace_of_models_that_lose_nothing_is_white_in_every_pixel() {
     let known = |name: &str, films: Vec<Film>, noise: f64| assert_known(name, &films, 1, gray(1.0), noise);
-    known("furnace diffuse", furnace(|d| diffuse(d, 1.0), 64), 0.05);
-    known("furnace mirror", furnace(single(mirror(None)), 4), 0.01);
-    known("furnace glass", furnace(single(glass(1.5, None)), 64), 0.05);
-    known("furnace pane", furnace(single(pane(1.5)), 16), 0.01);
-    known("furnace plastic", furnace(single(plastic(1.0, false, None)), 128), 0.05);
-    known("furnace nonlinear plastic", furnace(single(plastic(1.0, true, None)), 128), 0.05);
+    known("furnace diffuse", furnace(|d| diffuse(d, 1.0), 512), 0.03);
+    known("furnace mirror", furnace(single(mirror(None)), 64), 0.05);
+    known("furnace glass", furnace(single(glass(1.5, None)), 512), 0.03);
+    known("furnace pane", furnace(single(pane(1.5)), 512), 0.03);
+    known("furnace plastic", furnace(single(plastic(1.0, false, None)), 1024), 0.03);
+    known("furnace nonlinear plastic", furnace(single(plastic(1.0, true, None)), 1024), 0.03);
     known("furnace null", furnace(single(BsdfDesc::Null), 4), 0.01);
     let mask = |d: &mut SceneDesc| {
         let nested = diffuse(d, 1.0);
         bsdf(d, BsdfDesc::Mask { nested, opacity: Param::Constant(0.4) })
     };
-    known("furnace mask", furnace(mask, 64), 0.05);
+    known("furnace mask", furnace(mask, 512), 0.03);
     let blend = |d: &mut SceneDesc| {
         let (first, second) = (diffuse(d, 1.0), bsdf(d, mirror(None)));
         bsdf(d, BsdfDesc::Blend { first, second, weight: Param::Constant(0.3) })
     };
-    known("furnace blend", furnace(blend, 64), 0.1);
+    known("furnace blend", furnace(blend, 512), 0.05);
 }
 
 #[test]
@@ -65,7 +65,7 @@ fn white_furnace_of_microfacets_is_at_most_white() {
         ("glTF, dielectric", BsdfDesc::Pbr(Box::new(PbrDesc { metallic: Param::Constant(0.0), ..PbrDesc::default() })), 0.7),
     ];
     for (name, model, least) in cases {
-        let blocks = Blocks::new(&furnace(single(model), 64), 2);
+        let blocks = Blocks::new(&furnace(single(model), 256), 2);
         for (mean, variance) in blocks.mean.iter().zip(&blocks.variance) {
             for c in 0..3 {
                 let noise = 5.0 * variance[c].sqrt();

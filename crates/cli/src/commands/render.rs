@@ -220,7 +220,7 @@ fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     if !path.exists() && args.checkpoint.as_ref() == Some(path) {
         return Ok(());
     }
-    let film = Film::load(path).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))?;
+    let film = Film::load(path).with_context(|| format!("{}", path.display()))?;
     session.resume(&film).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))
 }
 
