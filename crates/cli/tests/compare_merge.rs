@@ -68,7 +68,7 @@ fn compare_prints_figures_and_its_exit_code_tells_the_verdict() {
     let one = dir.run("compare b.exr a.exr --metric mae --channel N");
     assert_eq!(text(&one.stdout).trim(), "mae             0.033333");
     for (args, code, message) in [
-        ("compare a.exr wide.exr", 1, "different sizes, 20x16 and 21x16"),
+        ("compare a.exr wide.exr", 3, "different sizes, 20x16 and 21x16"),
         ("compare a.exr missing.exr", 4, "missing.exr"),
         ("compare a.exr a.exr --channel uv", 1, "no channel or layer \"uv\""),
         ("compare a.exr a.exr --threshold fun=1", 2, "not one of"),

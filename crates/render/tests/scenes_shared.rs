@@ -25,12 +25,23 @@ fn shared() -> Option<PathBuf> {
     }
 }
 
-/// Mean luminance-free colors of TILES × TILES parts and of the whole, last.
+/// The means over blocks of `factor` × `factor` pixels: what a box filter makes of a small picture.
+fn shrink(image: &Image, factor: usize) -> Image {
+    let (width, height) = (image.width as usize / factor, image.height as usize / factor);
+    let rgb = image.rgb().unwrap();
+    let mean = |x: usize, y: usize| {
+        let block = (0..factor * factor).map(|i| rgb[(y * factor + i / factor) * image.width as usize + x * factor + i % factor]);
+        block.fold([0.0; 3], |s: [f32; 3], p| std::array::from_fn(|c| s[c] + p[c] / (factor * factor) as f32))
+    };
+    let pixels: Vec<[f32; 3]> = (0..width * height).map(|i| mean(i % width, i / width)).collect();
+    Image::from_rgb(width as u32, height as u32, &pixels)
+}
+
+/// Mean colors of TILES × TILES parts and of the whole, last.
 fn means(image: &Image) -> Vec<[f64; 3]> {
     let (width, height) = (image.width as usize, image.height as usize);
     let mut sums = vec![([0.0; 3], 0.0); TILES * TILES + 1];
     for (i, p) in image.rgb().unwrap().iter().enumerate() {
-        // Parts of equal area in the reference and in the small picture alike.
         let tile = (i / width * TILES / height) * TILES + i % width * TILES / width;
         for at in [tile, TILES * TILES] {
             (0..3).for_each(|c| sums[at].0[c] += f64::from(p[c]));
@@ -46,7 +57,10 @@ fn check(folder: &Path, file: &str, name: &str, [width, height]: [u32; 2], spp: 
     let start = std::time::Instant::now();
     let desc = read(&folder.join(file), &ReadOptions::default()).unwrap_or_else(|e| panic!("{file}: {e}"));
     let loaded = start.elapsed();
-    let reference = means(&Image::load(&folder.join(format!("refs/{name}.exr"))).unwrap());
+    let reference = Image::load(&folder.join(format!("refs/{name}.exr"))).unwrap();
+    let factor = reference.width / width;
+    assert_eq!([reference.width, reference.height], [width * factor, height * factor]);
+    let reference = means(&shrink(&reference, factor as usize));
     let pictures: Vec<Vec<[f64; 3]>> = (0..SEEDS)
         .map(|seed| {
             let sampler = Some("sobol".into());
