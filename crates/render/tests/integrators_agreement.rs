@@ -18,8 +18,16 @@ fn room() -> SceneDesc {
     let wall = |desc: &mut SceneDesc, m: Mat4, b| shape(desc, GeometryDesc::Rectangle, m, Some(b));
     wall(&mut desc, Mat4::from_scale(Vec3::splat(2.0)), white);
     wall(&mut desc, facing(Vec3::new(0.0, 0.0, 3.0), [2.0; 2], true), white);
-    wall(&mut desc, Mat4::from_translation(Vec3::new(-2.0, 0.0, 1.5)) * Mat4::from_rotation_y(1.570_796_4) * Mat4::from_scale(Vec3::splat(2.0)), red);
-    wall(&mut desc, Mat4::from_translation(Vec3::new(0.0, 2.0, 1.5)) * Mat4::from_rotation_x(1.570_796_4) * Mat4::from_scale(Vec3::splat(2.0)), white);
+    wall(
+        &mut desc,
+        Mat4::from_translation(Vec3::new(-2.0, 0.0, 1.5)) * Mat4::from_rotation_y(1.570_796_4) * Mat4::from_scale(Vec3::splat(2.0)),
+        red,
+    );
+    wall(
+        &mut desc,
+        Mat4::from_translation(Vec3::new(0.0, 2.0, 1.5)) * Mat4::from_rotation_x(1.570_796_4) * Mat4::from_scale(Vec3::splat(2.0)),
+        white,
+    );
     for (i, model) in [plastic(0.5, false, Some(0.2)), mirror(Some(0.3)), glass(1.5, Some(0.4))].into_iter().enumerate() {
         let material = bsdf(&mut desc, model);
         sphere(&mut desc, Vec3::new(1.2 * i as f32 - 1.2, 0.0, 0.5), 0.5, Some(material));
@@ -100,7 +108,13 @@ fn direct_is_path_of_depth_one() {
     let path = RenderSettings { max_depth: Some(1), ..base(32) };
     // The same algorithm with the same numbers: the pictures are equal.
     assert_eq!(render(&desc, &direct).develop(), render(&desc, &path).develop());
-    assert_same("direct", &Blocks::new(&films(&desc, &direct, 0), EDGE), &Blocks::new(&naive_films(&desc, &base(512), 1), EDGE), ROUNDING, 0.05);
+    assert_same(
+        "direct",
+        &Blocks::new(&films(&desc, &direct, 0), EDGE),
+        &Blocks::new(&naive_films(&desc, &base(512), 1), EDGE),
+        ROUNDING,
+        0.05,
+    );
 }
 
 #[test]

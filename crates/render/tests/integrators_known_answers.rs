@@ -292,11 +292,8 @@ fn what_lies_between_a_surface_and_a_light_lets_its_share_through() {
         thing(&mut desc);
         desc
     };
-    let s = |integrator: &str, depth: u32| RenderSettings {
-        integrator: Some(integrator.into()),
-        max_depth: Some(depth),
-        ..settings(8, 8, 16)
-    };
+    let s =
+        |integrator: &str, depth: u32| RenderSettings { integrator: Some(integrator.into()), max_depth: Some(depth), ..settings(8, 8, 16) };
     let rho = 0.5 / PI;
     let r = (0.5f64 / 2.5).powi(2);
     for (integrator, depth) in [("path", 1), ("whitted", 1)] {
@@ -322,7 +319,13 @@ fn what_lies_between_a_surface_and_a_light_lets_its_share_through() {
     rectangle(&mut desc, Vec3::new(0.0, 0.0, 0.5), [20.0; 2], false, Some(mask));
     let light = shape(&mut desc, GeometryDesc::Disk, facing(Vec3::new(0.0, 0.0, 1.0), [2.0; 2], true), Some(nested));
     emit(&mut desc, light, Color::gray(1.0));
-    assert_known("mask before a large light", &film(&desc, &RenderSettings { spp: Some(256), ..s("path", 1) }), 8, gray(0.7 * 0.5 * 0.8), 0.02);
+    assert_known(
+        "mask before a large light",
+        &film(&desc, &RenderSettings { spp: Some(256), ..s("path", 1) }),
+        8,
+        gray(0.7 * 0.5 * 0.8),
+        0.02,
+    );
 }
 
 #[test]

@@ -211,10 +211,8 @@ fn aovs(names: &[String], denoise: bool) -> anyhow::Result<(Vec<Aov>, DevelopOpt
 
 fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     let Some(path) = &args.resume else { return Ok(()) };
-    let path = path
-        .as_ref()
-        .or(args.checkpoint.as_ref())
-        .ok_or_else(|| coded(exit::USAGE, "--resume needs a film file, or --checkpoint"))?;
+    let path =
+        path.as_ref().or(args.checkpoint.as_ref()).ok_or_else(|| coded(exit::USAGE, "--resume needs a film file, or --checkpoint"))?;
     // The first run of a command that is restarted until it is done has nothing to go on from.
     if !path.exists() && args.checkpoint.as_ref() == Some(path) {
         return Ok(());

@@ -51,7 +51,8 @@ impl Blocks {
 
     /// The largest standard error of a block relative to its mean, over blocks that are not black.
     pub fn noise(&self) -> f64 {
-        let relative = |(m, v): (&[f64; 3], &[f64; 3])| (0..3).map(|c| if m[c] > 1e-6 { v[c].sqrt() / m[c] } else { 0.0 }).fold(0.0, f64::max);
+        let relative =
+            |(m, v): (&[f64; 3], &[f64; 3])| (0..3).map(|c| if m[c] > 1e-6 { v[c].sqrt() / m[c] } else { 0.0 }).fold(0.0, f64::max);
         self.mean.iter().zip(&self.variance).map(relative).fold(0.0, f64::max)
     }
 
