@@ -23,7 +23,7 @@ const MIN_COS: f32 = 0.01;
 
 /// Bends a tilted normal back as far as it takes for `wo` to stay on the side of the surface that it is on: a map must not turn
 /// what one sees into a black back.
-fn keep_side(tilted: Vec3, n: Vec3, wo: Vec3) -> Vec3 {
+pub(super) fn keep_side(tilted: Vec3, n: Vec3, wo: Vec3) -> Vec3 {
     let side = if n.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let cos = tilted.dot(wo);
     if cos * side >= MIN_COS { tilted } else { (tilted + wo * (MIN_COS * side - cos)).normalize_or(n) }

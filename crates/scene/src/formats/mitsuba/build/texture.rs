@@ -121,7 +121,6 @@ impl<'t> Builder<'t> {
             "checkerboard" => {
                 let color0 = self.opt_color(&mut p, "color0", quantity).unwrap_or(Color::gray(0.4));
                 let color1 = self.opt_color(&mut p, "color1", quantity).unwrap_or(Color::gray(0.2));
-                p.ignore(&["line_width"]);
                 Some(self.add_texture(plugin, TextureDesc::Checkerboard { color0, color1, pattern_from_uv: p.uv_transform("to_uv") }))
             }
             "mesh_attribute" | "vertexcolors" => {
@@ -235,7 +234,7 @@ impl<'t> Builder<'t> {
         p.ignore(&["format", "accel", "max_anisotropy", "cache"]);
         let encoding = match gamma {
             _ if raw => Encoding::Linear,
-            Some(g) if g == 1.0 => Encoding::Linear,
+            Some(1.0) => Encoding::Linear,
             Some(g) if g == -1.0 || (g - 2.2).abs() < 0.01 => Encoding::Srgb,
             Some(_) => {
                 p.lose(&["gamma"]);
