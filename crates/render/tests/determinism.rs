@@ -1,5 +1,7 @@
 //! The film is the same bit for bit, whoever renders it, in whatever order and pieces, on whatever machine.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -94,10 +96,12 @@ fn with_threads<R: Send>(threads: usize, work: impl FnOnce() -> R + Send) -> R {
     rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(work)
 }
 
+type TileOrder = fn(&mut Vec<Rect>);
+
 #[test]
 fn threads_and_tiles_do_not_matter() {
     let whole = reference("sobol");
-    let orders: [(&str, fn(&mut Vec<Rect>)); 4] = [
+    let orders: [(&str, TileOrder); 4] = [
         ("as they come", |_| {}),
         ("backwards", |tiles| tiles.reverse()),
         ("interleaved", |tiles| tiles.sort_by_key(|t| (t.x0 / 32 + t.y0 / 32) % 2)),

@@ -1,5 +1,7 @@
 //! Different ways to the same light agree: Z-tests over picture blocks.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use etendue_render::film::Film;

@@ -1,5 +1,7 @@
 //! Scenes whose light is known in closed form, rendered by the integrators.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use etendue_render::film::Film;

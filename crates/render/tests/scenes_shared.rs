@@ -1,5 +1,7 @@
 //! Real scenes with references by other renderers. They are no part of the project; skipped aloud where they are not beside it.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use std::path::{Path, PathBuf};
@@ -85,7 +87,7 @@ fn check(folder: &Path, file: &str, name: &str, [width, height]: [u32; 2], spp: 
         })
         .collect();
     let pictures: Vec<Vec<[f64; 3]>> = films.iter().map(|f| means(&f.develop())).collect();
-    let variances: Vec<Vec<[f64; 3]>> = films.iter().map(|f| mean_variances(f)).collect();
+    let variances: Vec<Vec<[f64; 3]>> = films.iter().map(mean_variances).collect();
     let mut worst = (0.0, String::new());
     let mut wrong = Vec::new();
     for (i, expected) in reference.iter().enumerate() {
