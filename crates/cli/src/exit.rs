@@ -41,6 +41,8 @@ pub fn coded(code: u8, message: impl fmt::Display) -> anyhow::Error {
 
 /// The exit code of an error.
 pub fn code_of(error: &anyhow::Error) -> u8 {
+    use etendue_render::film::file::FilmFileError;
+    use etendue_render::image::ImageError;
     use etendue_scene::ReadError;
     for cause in error.chain() {
         if let Some(c) = cause.downcast_ref::<Coded>() {
@@ -50,6 +52,17 @@ pub fn code_of(error: &anyhow::Error) -> u8 {
             Some(ReadError::Io { .. }) => return IO,
             Some(_) => return INVALID,
             None => {}
+        }
+        // These show their io::Error as themselves, so the chain does not list it.
+        match cause.downcast_ref::<ImageError>() {
+            Some(ImageError::Io(_)) => return IO,
+            Some(ImageError::Unsupported(_) | ImageError::Invalid(_) | ImageError::TooLarge { .. }) => return INVALID,
+            _ => {}
+        }
+        match cause.downcast_ref::<FilmFileError>() {
+            Some(FilmFileError::Io(_)) => return IO,
+            Some(FilmFileError::Film(_)) | None => {}
+            Some(_) => return INVALID,
         }
         if cause.is::<std::io::Error>() {
             return IO;

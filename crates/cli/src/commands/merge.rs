@@ -9,6 +9,8 @@ use etendue_render::film::{DevelopOptions, Film};
 use etendue_render::image::tonemap::{ToneMap, ToneOperator};
 use etendue_render::image::{ExrAttribute, FileFormat, Image, WriteOptions};
 
+use crate::exit::{self, coded};
+
 /// Films and where their sum goes.
 #[derive(clap::Args)]
 pub struct Args {
@@ -31,7 +33,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let is_film = args.output.extension().is_some_and(|e| e.eq_ignore_ascii_case("film"));
     if !is_film {
         // A wrong name is better known before the work.
-        FileFormat::from_path(&args.output)?;
+        FileFormat::from_path(&args.output).map_err(|e| coded(exit::USAGE, format!("{}: {e}", args.output.display())))?;
     }
     let load = |path: &Path| Film::load(path).with_context(|| path.display().to_string());
     let mut total = load(&args.films[0])?;

@@ -63,8 +63,8 @@ pub struct Args {
     #[arg(long, value_name = "SECONDS", default_value_t = 60.0, help_heading = "Running")]
     checkpoint_interval: f64,
     /// Go on from the checkpoint (or from this film file).
-    #[arg(long, value_name = "FILE.film", num_args = 0..=1, default_missing_value = "", help_heading = "Running")]
-    resume: Option<PathBuf>,
+    #[arg(long, value_name = "FILE.film", num_args = 0..=1, help_heading = "Running")]
+    resume: Option<Option<PathBuf>>,
     /// How to show the progress.
     #[arg(long, value_enum, default_value_t, help_heading = "Running")]
     progress: progress::Mode,
@@ -225,16 +225,13 @@ fn aovs(names: &[String], denoise: bool) -> anyhow::Result<(Vec<Aov>, DevelopOpt
 
 fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     let Some(path) = &args.resume else { return Ok(()) };
-    let path = if path.as_os_str().is_empty() {
-        args.checkpoint.as_ref().ok_or_else(|| coded(exit::USAGE, "--resume needs a film file, or --checkpoint"))?
-    } else {
-        path
-    };
+    let path =
+        path.as_ref().or(args.checkpoint.as_ref()).ok_or_else(|| coded(exit::USAGE, "--resume needs a film file, or --checkpoint"))?;
     // The first run of a command that is restarted until it is done has nothing to go on from.
     if !path.exists() && args.checkpoint.as_ref() == Some(path) {
         return Ok(());
     }
-    let film = Film::load(path).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))?;
+    let film = Film::load(path).with_context(|| format!("{}", path.display()))?;
     session.resume(&film).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))
 }
 

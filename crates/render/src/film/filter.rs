@@ -72,7 +72,7 @@ impl Filter {
     pub const LANCZOS: Self = Self::Lanczos { lobes: 3.0 };
 
     /// Names for [`Filter::from_name`].
-    pub const NAMES: [&str; 6] = ["box", "tent", "gaussian", "mitchell", "blackmanharris", "lanczos"];
+    pub const NAMES: [&str; 6] = ["box", "tent", "gaussian", "mitchell", "blackman-harris", "lanczos"];
 
     /// The filter of that name with its default parameters.
     pub fn from_name(name: &str) -> Option<Self> {
@@ -81,7 +81,7 @@ impl Filter {
             "tent" => Self::TENT,
             "gaussian" => Self::GAUSSIAN,
             "mitchell" => Self::MITCHELL,
-            "blackmanharris" => Self::BLACKMAN_HARRIS,
+            "blackman-harris" => Self::BLACKMAN_HARRIS,
             "lanczos" => Self::LANCZOS,
             _ => return None,
         })

@@ -5,6 +5,7 @@ use crate::accel::Ray;
 use crate::light::{LightContext, LightSample};
 use crate::math::Vec3;
 use crate::sampler::SampleStream;
+use crate::scene::geometry::NONE;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -42,9 +43,9 @@ pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
 }
 
-/// The share of light that passes between a surface point and a light sample.
+/// The share of light that passes between a surface point and a light sample; `medium` is on the side of `wo`.
 #[inline]
-pub(super) fn visibility(scene: &Scene, from: &Surface, sample: &LightSample) -> Spectrum {
+pub(super) fn visibility(scene: &Scene, from: &Surface, wo: Vec3, medium: u32, sample: &LightSample) -> Spectrum {
     let o = from.offset_origin(sample.wi);
     // Aim at the light's point from where the ray really starts.
     let (d, t_max) = if sample.dist.is_finite() {
@@ -55,20 +56,28 @@ pub(super) fn visibility(scene: &Scene, from: &Surface, sample: &LightSample) ->
         (sample.wi, f32::INFINITY)
     };
     let ray = Ray { o, d, t_min: 0.0, t_max };
+    let crosses = d.dot(from.ng) * wo.dot(from.ng) < 0.0;
+    let medium = if crosses { from.medium_beyond(scene, d, medium) } else { medium };
     if scene.has_null {
-        transmittance(scene, ray)
+        transmittance(scene, ray, medium)
     } else if scene.accel.occluded(&ray) {
         Spectrum::ZERO
+    } else if medium != NONE {
+        scene.media[medium as usize].transmittance(t_max)
     } else {
         Spectrum::ONE
     }
 }
 
-/// The share of light that passes straight along a ray through surfaces that let it.
-fn transmittance(scene: &Scene, mut ray: Ray) -> Spectrum {
+/// The share of light that passes straight along a ray through surfaces that let it and through what is between them.
+fn transmittance(scene: &Scene, mut ray: Ray, mut medium: u32) -> Spectrum {
     let mut through = Spectrum::ONE;
     for _ in 0..MAX_CROSSINGS {
-        let Some(hit) = scene.accel.intersect(&ray) else { return through };
+        let hit = scene.accel.intersect(&ray);
+        if medium != NONE {
+            through *= scene.media[medium as usize].transmittance(hit.map_or(ray.t_max, |h| h.t));
+        }
+        let Some(hit) = hit else { return through };
         if !scene.hit_material(&hit).has_null {
             return Spectrum::ZERO;
         }
@@ -77,6 +86,7 @@ fn transmittance(scene: &Scene, mut ray: Ray) -> Spectrum {
         if through.is_black() {
             return Spectrum::ZERO;
         }
+        medium = s.medium_beyond(scene, ray.d, medium);
         let o = s.offset_origin(ray.d);
         ray = Ray { o, t_min: 0.0, t_max: ray.t_max - hit.t, ..ray };
     }

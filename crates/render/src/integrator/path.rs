@@ -65,17 +65,19 @@ impl Integrator for Path {
                 camera_distance += s.t;
                 first_hit(scene, &s, wo, &scatter, camera_distance, out);
             }
-            if depth >= self.max_depth {
+            // The last scattering is done, but its ray may still go straight on to a light: shadow rays may as well.
+            let last_edge = depth >= self.max_depth;
+            if last_edge && !scene.has_null {
                 return;
             }
             let ctx = context(&s);
             let direct = sample_one(scene, &ctx, stream);
-            if let Some(direct) = direct.filter(|_| scatter.is_smooth_anywhere()) {
+            if let Some(direct) = direct.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
                     let unshadowed = throughput * f * direct.radiance * (weight / direct.pdf);
-                    let visible = visibility(scene, &s, &direct.sample);
+                    let visible = visibility(scene, &s, wo, medium, &direct.sample);
                     if !visible.is_black() {
                         out.add(unshadowed * visible, direct.group);
                     }
@@ -89,7 +91,7 @@ impl Integrator for Path {
                 return;
             }
             if sample.lobe.contains(Lobe::TRANSMISSION) {
-                medium = if sample.wi.dot(s.ng) < 0.0 { s.object(scene).interior } else { NONE };
+                medium = s.medium_beyond(scene, sample.wi, medium);
             }
             let o = s.offset_origin(sample.wi);
             ray = Ray::new(o, sample.wi);
@@ -99,6 +101,9 @@ impl Integrator for Path {
                     return;
                 }
                 continue;
+            }
+            if last_edge {
+                return;
             }
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);

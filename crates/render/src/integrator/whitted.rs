@@ -71,7 +71,7 @@ impl Integrator for Whitted {
                     let (f, _) = scatter.eval_pdf(wo, sample.wi, TransportMode::Radiance);
                     let local = throughput * f * scene.light_radiance(index as u32, &sample) / sample.pdf;
                     if !local.is_black() {
-                        out.add(local * visibility(scene, &s, &sample), scene.light_groups[index]);
+                        out.add(local * visibility(scene, &s, wo, at.medium, &sample), scene.light_groups[index]);
                     }
                 }
             }
@@ -101,7 +101,7 @@ fn branch(scene: &Scene, s: &Surface, wo: Vec3, part: &Part, throughput: Spectru
         let wi = part.frame.world_from_local(sample.wi);
         let mut medium = at.medium;
         if sample.lobe.contains(Lobe::TRANSMISSION) {
-            medium = if wi.dot(s.ng) < 0.0 { s.object(scene).interior } else { NONE };
+            medium = s.medium_beyond(scene, wi, medium);
         }
         pending.push(Pending { ray: Ray::new(s.offset_origin(wi), wi), throughput, depth: at.depth + 1, medium });
     }

@@ -15,6 +15,8 @@ use crate::scene;
 pub const DEFAULT_SPP: u32 = 64;
 /// The size of a picture where neither the user nor the file says.
 pub const DEFAULT_SIZE: [u32; 2] = [1280, 720];
+/// What chooses lights for next-event estimation.
+const LIGHT_SAMPLERS: [&str; 3] = ["bvh", "power", "uniform"];
 /// The largest picture, in pixels.
 const MAX_PIXELS: u64 = 1 << 28;
 
@@ -83,6 +85,9 @@ impl Plan {
             // The file's choice is about its own renderer; ours is at least as good.
             (None, _) => SamplerKind::Sobol,
         };
+        if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
+            return Err(JobError::Setting(format!("no light sampler `{name}`; there are {}", LIGHT_SAMPLERS.join(", "))));
+        }
         let spp = settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP);
         if spp == 0 {
             return Err(JobError::Setting("a picture needs at least one sample per pixel".into()));
