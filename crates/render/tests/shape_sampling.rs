@@ -115,9 +115,6 @@ fn pdf_of_shape(shape: &Shape, ref_p: Vec3, d: Vec3) -> f32 {
     while let Some(h) = shape.intersect(&ray) {
         let s = shape.surface(ray.at(h.t));
         sum += shape.pdf_solid_angle(ref_p, s.p, s.ng);
-        if matches!(shape, Shape::Sphere(_)) {
-            break; // Of a sphere only the side that is seen is sampled.
-        }
         ray.t_min = h.t * (1.0 + 1e-5) + 1e-5;
     }
     sum

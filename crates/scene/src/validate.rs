@@ -15,6 +15,8 @@ pub const PICTURE_EDGE_LIMIT: u32 = 65536;
 pub const PICTURE_PIXEL_LIMIT: u64 = 1 << 31;
 /// Deepest nesting of scattering models and of textures.
 pub const GRAPH_DEPTH_LIMIT: usize = 100;
+/// Most models or textures that one expands to; shared parts count as often as they are evaluated.
+pub const GRAPH_SIZE_LIMIT: u64 = 4096;
 
 /// Checks a description; repairable oddities become warnings in its report.
 ///
@@ -176,6 +178,7 @@ impl Checker<'_> {
         // 0: not seen; 1: on the path; 2: done.
         let mut state = vec![0u8; children.len()];
         let mut depth = vec![1usize; children.len()];
+        let mut size = vec![1u64; children.len()];
         for root in 0..children.len() {
             if state[root] != 0 {
                 continue;
@@ -189,6 +192,7 @@ impl Checker<'_> {
                     path.pop();
                     if let Some((parent, _)) = path.last() {
                         depth[*parent] = depth[*parent].max(depth[node] + 1);
+                        size[*parent] = size[*parent].saturating_add(size[node]);
                     }
                     continue;
                 };
@@ -199,13 +203,18 @@ impl Checker<'_> {
                         path.push((child, 0));
                     }
                     Some(1) => self.report.error(spans[node], format!("a {what} contains itself")),
-                    Some(_) => depth[node] = depth[node].max(depth[child] + 1),
+                    Some(_) => {
+                        depth[node] = depth[node].max(depth[child] + 1);
+                        size[node] = size[node].saturating_add(size[child]);
+                    }
                     // Out of range: told already.
                     None => {}
                 }
             }
             if depth[root] > GRAPH_DEPTH_LIMIT {
                 self.report.error(spans[root], format!("a {what} is nested more than {GRAPH_DEPTH_LIMIT} deep"));
+            } else if size[root] > GRAPH_SIZE_LIMIT {
+                self.report.error(spans[root], format!("a {what} expands to more than {GRAPH_SIZE_LIMIT} parts"));
             }
         }
     }

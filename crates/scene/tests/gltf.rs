@@ -1,4 +1,5 @@
 //! The glTF reader and writer.
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr)]
 
 #[path = "gltf/build.rs"]
 mod build;
@@ -12,3 +13,5 @@ mod material;
 mod samples;
 #[path = "gltf/scene.rs"]
 mod scene;
+#[path = "gltf/write.rs"]
+mod write;

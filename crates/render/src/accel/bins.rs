@@ -185,10 +185,9 @@ impl Bins {
                 }
             }
             let (mut left, mut left_count) = (Box4::EMPTY, 0);
-            for i in 1..n {
+            for (i, &(r, right_count)) in right.iter().enumerate().take(n).skip(1) {
                 left = left.union(self.boxes[axis][i - 1]);
                 left_count += self.counts[axis][i - 1];
-                let (r, right_count) = right[i];
                 if left_count == 0 || right_count == 0 {
                     continue;
                 }

@@ -95,8 +95,9 @@ impl Blas {
             }
             kept.push((shape.clone(), b));
         }
-        let tree = build::build(refs);
-        let (arena, root) = emit(&tree, &Source { positions, triangles }).unwrap_or_else(|| {
+        let source = Source { positions, triangles };
+        let tree = build::build(refs, &source);
+        let (arena, root) = emit(&tree, &source).unwrap_or_else(|| {
             skipped = triangles.len() + shapes.len() - unbounded.len();
             (Arena::new(0), 0)
         });
@@ -121,6 +122,12 @@ impl Blas {
     /// How many triangles and shapes were left out, because nothing can hit them or they are not finite.
     pub fn skipped(&self) -> usize {
         self.skipped
+    }
+
+    /// The contents of nodes and leaves.
+    #[cfg(test)]
+    pub(super) fn words(&self) -> Vec<u32> {
+        self.arena.units().iter().flat_map(|u| u.0).collect()
     }
 
     /// Offers all hits of a ray in this space to `best`.
@@ -170,7 +177,7 @@ impl Blas {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if let Some(ray) = Prepared::new::<I>(ray) {
-                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &self.shapes);
+                traverse::closest::<I>(&self.arena, self.root, &ray, best, &self.shapes);
             }
         }
     }
@@ -180,7 +187,7 @@ impl Blas {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             match Prepared::new::<I>(ray) {
-                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &self.shapes),
+                Some(ray) => traverse::any::<I>(&self.arena, self.root, &ray, t_last, &self.shapes),
                 None => false,
             }
         }
@@ -236,7 +243,7 @@ impl Blas {
             let inside = |size: usize| at + size <= bytes;
             match r & 7 {
                 TAG_NODE => {
-                    if !inside(size_of::<Node>()) || at % align_of::<Node>() != 0 || depth >= MAX_DEPTH {
+                    if !inside(size_of::<Node>()) || !at.is_multiple_of(align_of::<Node>()) || depth >= MAX_DEPTH {
                         return Err(format!("node at {at}, depth {depth}: beyond the arena, not aligned or too deep"));
                     }
                     // SAFETY: inside the arena and aligned, plain numbers.

@@ -4,8 +4,10 @@
 //! their contents, and each subtree writes to memory whose place follows from counts.
 
 use super::bins::{BinMap, Bins, Box4, MAX_BINS, PrimRef, Split, blocks};
+use super::emit::Source;
 use super::layout::MAX_BLOCKS;
 use super::simd::{LANES, WIDTH};
+use super::spatial;
 
 /// Levels by area; ranges that are still not leaves are then halved by number, at most 32 times.
 const SAH_DEPTH: u32 = 44;
@@ -45,14 +47,24 @@ pub(super) struct BinaryTree {
 /// Costs of a subtree that takes 1 to 8 slots of a node, at index 0 to 7; infinite where it cannot fill them.
 type Costs = [f32; WIDTH];
 
+/// Spatial splits are tried where the boxes of the best object split overlap by this part of the range's half area.
+const OVERLAP: f32 = 0.1;
+/// Attempts in a row that may fail before a subtree does without.
+const PATIENCE: u32 = 2;
+/// Room for references that spatial splits add, as part of those there are.
+const SPARE: f32 = 0.25;
+
 /// Builds the tree over references; with none there are no nodes.
-pub(super) fn build(mut refs: Vec<PrimRef>) -> BinaryTree {
+pub(super) fn build(mut refs: Vec<PrimRef>, source: &Source) -> BinaryTree {
     let count = refs.len();
-    let (bounds, centers) = range_bounds(&refs);
+    if !source.triangles.is_empty() {
+        refs.resize(count + (count as f32 * SPARE) as usize, bytemuck::Zeroable::zeroed());
+    }
+    let (bounds, centers) = range_bounds(&refs[..count]);
     let mut nodes: Vec<BinaryNode> = bytemuck::zeroed_vec((2 * refs.len()).saturating_sub(1));
     if count > 0 {
         let range = Range { refs: &mut refs, count, base: 0, nodes: &mut nodes };
-        subtree(range, bounds, centers, 0);
+        subtree(range, bounds, centers, Path { depth: 0, misses: 0 }, source);
     }
     BinaryTree { nodes, refs, bounds }
 }
@@ -76,8 +88,16 @@ struct Range<'a> {
     nodes: &'a mut [BinaryNode],
 }
 
+/// How a range came about.
+#[derive(Clone, Copy)]
+struct Path {
+    depth: u32,
+    /// Attempts at a spatial split since the last that paid.
+    misses: u32,
+}
+
 /// Builds the subtree of a range and returns its costs.
-fn subtree(range: Range, bounds: Box4, centers: Box4, depth: u32) -> Costs {
+fn subtree(range: Range, bounds: Box4, centers: Box4, path: Path, source: &Source) -> Costs {
     let Range { refs, count, base, nodes } = range;
     let node = BinaryNode {
         min: [bounds.min[0], bounds.min[1], bounds.min[2]],
@@ -95,15 +115,37 @@ fn subtree(range: Range, bounds: Box4, centers: Box4, depth: u32) -> Costs {
         costs[0] = area;
         return costs;
     }
-    let split = if depth < SAH_DEPTH { object_split(&refs[..count], &centers) } else { None };
-    let (left_count, left, right) = match split {
-        Some((split, map)) => partition(&mut refs[..count], &split, &map),
-        None => halve(&refs[..count]),
-    };
-    let right_count = count - left_count;
-    // Both sides get a share of the spare room, and the right side's references move up by the left side's share.
+    let split = if path.depth < SAH_DEPTH { object_split(&refs[..count], &centers) } else { None };
     let spare = refs.len() - count;
-    let left_spare = (spare as u64 * left_count as u64 / count as u64) as usize;
+    let mut below = Path { depth: path.depth + 1, misses: path.misses };
+    let mut spatial = None;
+    if let Some((s, _)) = &split
+        && spare > 0
+        && path.misses < PATIENCE
+        && s.left.intersection(s.right).half_area() > OVERLAP * area
+    {
+        below.misses += 1;
+        spatial = spatial::best(&refs[..count], &bounds, spare, source).filter(|p| p.cost < s.cost);
+    }
+    let mut sides = None;
+    if let Some(plane) = spatial {
+        let (l, r) = spatial::partition(refs, count, &plane, source);
+        if l > 0 && r > 0 {
+            below.misses = 0;
+            sides = Some((l, r, range_bounds(&refs[..l]), range_bounds(&refs[l..l + r])));
+        }
+    }
+    let (left_count, right_count, left, right) = sides.unwrap_or_else(|| {
+        let (l, left, right) = match split {
+            Some((split, map)) => partition(&mut refs[..count], &split, &map),
+            None => halve(&refs[..count]),
+        };
+        (l, count - l, left, right)
+    });
+    // Both sides get a share of the spare room, and the right side's references move up by the left side's share.
+    let used = left_count + right_count;
+    let spare = refs.len() - used;
+    let left_spare = (spare as u64 * left_count as u64 / used as u64) as usize;
     let moved = left_spare.min(right_count);
     let to = left_count + left_spare.max(right_count);
     refs.copy_within(left_count..left_count + moved, to);
@@ -113,14 +155,15 @@ fn subtree(range: Range, bounds: Box4, centers: Box4, depth: u32) -> Costs {
     let (left_nodes, right_nodes) = rest.split_at_mut(2 * cut - 1);
     let mut go_left = || {
         let r = Range { refs: left_refs, count: left_count, base, nodes: left_nodes };
-        subtree(r, left.0, left.1, depth + 1)
+        subtree(r, left.0, left.1, below, source)
     };
     let mut go_right = || {
         let r = Range { refs: right_refs, count: right_count, base: base + cut, nodes: right_nodes };
-        subtree(r, right.0, right.1, depth + 1)
+        subtree(r, right.0, right.1, below, source)
     };
     let (l, r) = if count > TASK { rayon::join(&mut go_left, &mut go_right) } else { (go_left(), go_right()) };
-    head[0] = BinaryNode { right: 2 * cut as u32, ..node };
+    let total = left_nodes[0].count + right_nodes[0].count;
+    head[0] = BinaryNode { right: 2 * cut as u32, count: total, ..node };
     collapse(&mut head[0], area, &l, &r)
 }
 

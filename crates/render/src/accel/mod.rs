@@ -11,6 +11,7 @@ mod emit;
 mod layout;
 mod ray;
 mod simd;
+mod spatial;
 mod tlas;
 mod traverse;
 

@@ -79,6 +79,10 @@ pub(super) trait Isa: Copy {
     /// Writes the children in `mask` to `children`, for which eight lanes must be writable.
     unsafe fn push(mask: u32, refs: *const u32, children: *mut u32);
 
+    /// Asks for the cache line at an address, which need not be valid.
+    #[inline(always)]
+    unsafe fn prefetch(_p: *const u8) {}
+
     unsafe fn b_splat(x: f32) -> Self::B;
     unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B;
     unsafe fn b_load(p: *const f32) -> Self::B;
@@ -318,6 +322,10 @@ mod x86 {
                     let m = _mm256_max_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b));
                     _mm256_castsi256_ps(m)
                 }
+            }
+            #[inline(always)]
+            unsafe fn prefetch(p: *const u8) {
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(p.cast()) }
             }
             #[inline(always)]
             unsafe fn b_splat(x: f32) -> __m128 {

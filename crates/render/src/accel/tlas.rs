@@ -69,9 +69,10 @@ impl Accel {
                 unbounded.push(i as u32);
             }
         }
-        let single = (instances.len() == 1 && skipped == 0 && placed[0].identity).then_some(instances[0].blas);
-        let tree = build::build(refs);
-        let (arena, root) = emit(&tree, &Source { positions: &[], triangles: &[] }).unwrap_or_else(|| {
+        let single = (instances.len() == 1 && skipped == 0 && placed[0].identity).then(|| instances[0].blas);
+        let source = Source { positions: &[], triangles: &[] };
+        let tree = build::build(refs, &source);
+        let (arena, root) = emit(&tree, &source).unwrap_or_else(|| {
             skipped = instances.len();
             (Arena::new(0), 0)
         });
@@ -172,7 +173,7 @@ impl Accel {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             if let Some(ray) = Prepared::new::<I>(ray) {
-                traverse::closest::<I>(self.arena.base(), self.root, &ray, best, &Instances { accel: self });
+                traverse::closest::<I>(&self.arena, self.root, &ray, best, &Instances { accel: self });
             }
         }
     }
@@ -182,7 +183,7 @@ impl Accel {
         // SAFETY: the caller vouches for the instruction set.
         unsafe {
             match Prepared::new::<I>(ray) {
-                Some(ray) => traverse::any::<I>(self.arena.base(), self.root, &ray, t_last, &Instances { accel: self }),
+                Some(ray) => traverse::any::<I>(&self.arena, self.root, &ray, t_last, &Instances { accel: self }),
                 None => false,
             }
         }

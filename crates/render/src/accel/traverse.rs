@@ -1,7 +1,7 @@
 //! Traversal: the nearest hit and any hit of a ray, generic over the instruction set.
 #![allow(unsafe_code)]
 
-use super::layout::{BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
+use super::layout::{Arena, BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
 use super::ray::{FAR_SCALE, Lanes4, OPPOSITE, Prepared};
 use super::simd::{Isa, LANES};
 use crate::math::{Aabb, Vec3};
@@ -10,6 +10,9 @@ use std::mem::MaybeUninit;
 /// Most entries of the stack: the build keeps trees less than [`super::build::MAX_DEPTH`] deep, a node leaves seven
 /// behind, and vector stores write up to seven beyond.
 const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
+
+/// Bytes of a hierarchy from which memory is asked for ahead: smaller ones stay in caches.
+const PREFETCH_ABOVE: usize = 16 << 20;
 
 /// The nearest hit so far.
 #[derive(Clone, Copy)]
@@ -179,6 +182,22 @@ unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
     }
 }
 
+/// Asks for the memory of the children in `mask`: most of them will be visited, and big scenes do not fit in caches.
+#[inline(always)]
+unsafe fn prefetch_children<I: Isa>(base: *const u8, children: *const u32, mask: u32) {
+    // SAFETY: the caller vouches for the children; prefetched addresses need not be valid.
+    unsafe {
+        let mut m = mask;
+        while m != 0 {
+            let child = base.wrapping_add((*children.add(m.trailing_zeros() as usize) >> 3) as usize * UNIT);
+            m &= m - 1;
+            for line in 0..4 {
+                I::prefetch(child.wrapping_add(line * 64));
+            }
+        }
+    }
+}
+
 /// Kept out of line, so that the registers of the loop around it are not planned for calls.
 #[cold]
 #[inline(never)]
@@ -195,15 +214,16 @@ fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) ->
 /// Offers all hits below `root` to `best`.
 ///
 /// # Safety
-/// The machine has the instruction set, and `root` is a child reference of the arena at `base`.
+/// The machine has the instruction set, and `root` is a child reference of the arena.
 #[inline(always)]
-pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared, best: &mut Best, items: &impl Items) {
+pub(super) unsafe fn closest<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, best: &mut Best, items: &impl Items) {
     let mut keys = [const { MaybeUninit::<i32>::uninit() }; STACK];
     let mut refs = [const { MaybeUninit::<u32>::uninit() }; STACK];
     // SAFETY: the build vouches for references and depth (checked by `validate` in tests); entries below `sp` are written.
     unsafe {
         let (keys, refs) = (keys.as_mut_ptr().cast::<i32>(), refs.as_mut_ptr().cast::<u32>());
         let r = Lanes::<I>::new(ray);
+        let (base, prefetch) = (arena.base(), arena.bytes() > PREFETCH_ABOVE);
         let mut sp = 0;
         let mut current = root;
         let mut limit = scaled_limit(best.t);
@@ -218,6 +238,9 @@ pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared,
                 } else if mask & (mask - 1) == 0 {
                     current = *children.add(mask.trailing_zeros() as usize);
                 } else {
+                    if prefetch {
+                        prefetch_children::<I>(base, children, mask);
+                    }
                     let nearest = I::push_sorted(near, mask, children, keys.add(sp), refs.add(sp));
                     sp += mask.count_ones() as usize - 1;
                     current = *children.add(nearest);
@@ -258,12 +281,13 @@ pub(super) unsafe fn closest<I: Isa>(base: *const u8, root: u32, ray: &Prepared,
 /// # Safety
 /// As for [`closest`].
 #[inline(always)]
-pub(super) unsafe fn any<I: Isa>(base: *const u8, root: u32, ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+pub(super) unsafe fn any<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
     let mut refs = [const { MaybeUninit::<u32>::uninit() }; STACK];
     // SAFETY: as in `closest`.
     unsafe {
         let refs = refs.as_mut_ptr().cast::<u32>();
         let r = Lanes::<I>::new(ray);
+        let (base, prefetch) = (arena.base(), arena.bytes() > PREFETCH_ABOVE);
         let limits = I::splat(scaled_limit(t_last));
         let mut sp = 0;
         let mut current = root;
@@ -275,6 +299,9 @@ pub(super) unsafe fn any<I: Isa>(base: *const u8, root: u32, ray: &Prepared, t_l
                 if mask == 0 {
                     current = 0;
                 } else {
+                    if prefetch && mask & (mask - 1) != 0 {
+                        prefetch_children::<I>(base, children, mask);
+                    }
                     I::push(mask, children, refs.add(sp));
                     sp += mask.count_ones() as usize - 1;
                     current = *refs.add(sp);

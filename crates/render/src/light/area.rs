@@ -104,14 +104,8 @@ impl AreaLight {
             }
         };
         let area = self.area();
-        LightBounds {
-            bounds,
-            axis: axis.unwrap_or(Vec3::Z),
-            phi: if area.is_finite() { super::bounds::strength(self.radiance * area) } else { 0.0 },
-            cos_o: if axis.is_some() { 1.0 } else { -1.0 },
-            cos_e: 0.0,
-            two_sided: self.two_sided,
-        }
+        let phi = if area.is_finite() { super::bounds::strength(self.radiance * area) } else { 0.0 };
+        LightBounds::of_surface(bounds, phi, axis, self.two_sided)
     }
 
     /// See [`super::Light::emit`]: uniform by area, cosine-weighted; `u_position.x` chooses the side where both emit.

@@ -1,7 +1,8 @@
 //! A hierarchy over finite lights, and choosing one by its importance at a point (see [`super::bounds`] for the paper).
 
 use super::LightBounds;
-use crate::math::{ONE_MINUS_EPSILON, Vec3};
+use super::bounds::Group;
+use crate::math::{Aabb, ONE_MINUS_EPSILON, Vec3};
 
 /// One node: an inner one's first child follows it, the second is at `link`; a leaf's `link` is its light.
 #[derive(Clone, Copy, Debug)]
@@ -24,12 +25,17 @@ const BINS: usize = 12;
 /// From this depth on clusters are halved by count, so that trails fit their 64 bits.
 const MAX_SAOH_DEPTH: u32 = 36;
 
+/// Groups larger than this are built on another thread.
+const PARALLEL: usize = 4096;
+
 impl LightBvh {
-    /// Over (light, bounds) pairs out of `light_count` lights. O(n log n); the same tree on every machine.
+    /// Over (light, bounds) pairs out of `light_count` lights. O(n log n); the same tree on every machine and for any number of threads.
     pub fn new(mut lights: Vec<(u32, LightBounds)>, light_count: usize) -> Self {
-        let mut bvh = Self { nodes: Vec::with_capacity(2 * lights.len()), trails: vec![0; light_count] };
+        let mut bvh = Self { nodes: Vec::new(), trails: vec![0; light_count] };
         if !lights.is_empty() {
-            bvh.build(&mut lights, 0, 0);
+            bvh.nodes = vec![Node { bounds: LightBounds::EMPTY, link: 0, leaf: false }; 2 * lights.len() - 1];
+            build(&mut lights, &mut bvh.nodes, 0, 0);
+            bvh.mark_trails();
         }
         bvh
     }
@@ -38,21 +44,17 @@ impl LightBvh {
         self.nodes.is_empty()
     }
 
-    fn build(&mut self, lights: &mut [(u32, LightBounds)], trail: u64, depth: u32) {
-        let index = self.nodes.len();
-        if let [(light, bounds)] = lights {
-            self.nodes.push(Node { bounds: *bounds, link: *light, leaf: true });
-            self.trails[*light as usize] = trail | 1 << depth;
-            return;
+    fn mark_trails(&mut self) {
+        let mut stack = vec![(0, 0u64, 0u32)];
+        while let Some((index, trail, depth)) = stack.pop() {
+            let node = &self.nodes[index];
+            if node.leaf {
+                self.trails[node.link as usize] = trail | 1 << depth;
+            } else {
+                stack.push((node.link as usize, trail | 1 << depth, depth + 1));
+                stack.push((index + 1, trail, depth + 1));
+            }
         }
-        let split = if depth < MAX_SAOH_DEPTH { partition(lights) } else { None }.unwrap_or_else(|| halve(lights));
-        self.nodes.push(Node { bounds: LightBounds::EMPTY, link: 0, leaf: false });
-        let (first, second) = lights.split_at_mut(split);
-        self.build(first, trail, depth + 1);
-        let link = self.nodes.len();
-        self.build(second, trail | 1 << depth, depth + 1);
-        self.nodes[index].link = link as u32;
-        self.nodes[index].bounds = self.nodes[index + 1].bounds.union(&self.nodes[link].bounds);
     }
 
     /// The probability of an inner node's first child; `None` where no light arrives from either.
@@ -108,37 +110,66 @@ impl LightBvh {
     }
 }
 
+/// Fills `nodes` (two for each light, less one), whose first will be at `index` of the tree.
+fn build(lights: &mut [(u32, LightBounds)], nodes: &mut [Node], index: usize, depth: u32) {
+    if let [(light, bounds)] = lights {
+        nodes[0] = Node { bounds: *bounds, link: *light, leaf: true };
+        return;
+    }
+    let split = if depth < MAX_SAOH_DEPTH { partition(lights) } else { None }.unwrap_or_else(|| halve(lights));
+    let parallel = lights.len() > PARALLEL;
+    let (first, second) = lights.split_at_mut(split);
+    let Some((root, children)) = nodes.split_first_mut() else { return };
+    let (a, b) = children.split_at_mut(2 * split - 1);
+    let link = index + 2 * split;
+    if parallel {
+        rayon::join(|| build(first, a, index + 1, depth + 1), || build(second, b, link, depth + 1));
+    } else {
+        build(first, a, index + 1, depth + 1);
+        build(second, b, link, depth + 1);
+    }
+    *root = Node { bounds: a[0].bounds.union(&b[0].bounds), link: link as u32, leaf: false };
+}
+
 /// Splits by the surface area orientation heuristic; the number in the first part, or `None` where no plane splits them.
 fn partition(lights: &mut [(u32, LightBounds)]) -> Option<usize> {
+    if lights.len() == 2 {
+        return Some(1);
+    }
     let center = |b: &LightBounds| b.bounds.center();
-    let (mut lo, mut hi, mut all) = (Vec3::INFINITY, Vec3::NEG_INFINITY, LightBounds::EMPTY);
+    let (mut lo, mut hi, mut all) = (Vec3::INFINITY, Vec3::NEG_INFINITY, Aabb::EMPTY);
     for (_, b) in lights.iter() {
         lo = lo.min(center(b));
         hi = hi.max(center(b));
-        all.bounds = all.bounds.union(b.bounds);
+        all = all.union(b.bounds);
     }
-    let extent = all.bounds.extent();
+    let mut bins = [[Group::EMPTY; BINS]; 3];
+    for (_, b) in lights.iter() {
+        let c = center(b);
+        for axis in 0..3 {
+            bins[axis][bin_of(c[axis], lo[axis], hi[axis])].add(b);
+        }
+    }
+    let extent = all.extent();
     let mut best: Option<(f32, usize, usize)> = None;
-    for axis in 0..3 {
+    for (axis, bins) in bins.iter().enumerate() {
         if lo[axis] >= hi[axis] {
             continue;
         }
-        let mut bins = [LightBounds::EMPTY; BINS];
-        for (_, b) in lights.iter() {
-            let bin = &mut bins[bin_of(center(b)[axis], lo[axis], hi[axis])];
-            *bin = bin.union(b);
-        }
         let stretch = extent.max_element() / extent[axis].max(f32::MIN_POSITIVE);
-        let mut above = [0.0; BINS];
-        let mut acc = LightBounds::EMPTY;
+        let mut above = [Group::EMPTY; BINS];
         for i in (1..BINS).rev() {
-            acc = acc.union(&bins[i]);
-            above[i] = acc.cost(stretch);
+            above[i - 1] = above[i];
+            above[i - 1].join(&bins[i]);
         }
-        let mut acc = LightBounds::EMPTY;
+        let mut below = Group::EMPTY;
         for i in 1..BINS {
-            acc = acc.union(&bins[i - 1]);
-            let cost = acc.cost(stretch) + above[i];
+            // Behind an empty bin the parts are those of the place before.
+            if bins[i - 1].is_empty() || above[i - 1].is_empty() {
+                continue;
+            }
+            below.join(&bins[i - 1]);
+            let cost = below.cost(stretch) + above[i - 1].cost(stretch);
             if best.is_none_or(|(c, _, _)| cost < c) {
                 best = Some((cost, axis, i));
             }
@@ -155,6 +186,7 @@ fn partition(lights: &mut [(u32, LightBounds)]) -> Option<usize> {
     (first > 0 && first < lights.len()).then_some(first)
 }
 
+/// Zero where all lie in one plane.
 #[inline]
 fn bin_of(x: f32, lo: f32, hi: f32) -> usize {
     (((x - lo) / (hi - lo) * BINS as f32) as usize).min(BINS - 1)

@@ -7,6 +7,8 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::directional::{infinite_emission, infinite_sample};
 use super::{EmissionSample, LightContext, LightSample, SceneSphere};
 use crate::math::{INV_PI, INV_TAU, Mat3, Mat4, PI, PiecewiseConstant2D, TAU, Vec2, Vec3, fns};
@@ -189,29 +191,27 @@ fn orthonormal(m: Mat3) -> Option<Mat3> {
 /// Along one axis a texel's share in the mean over its own width is 6/8 (its neighbors have 1/8 each), and 3/4 (one neighbor 1/4)
 /// in the mean over half of it.
 fn cell_means(width: usize, height: usize, texels: &[[f32; 3]], scale: Spectrum, sub: usize) -> Vec<f32> {
-    let luminance = |x: usize, y: usize| (Spectrum::from_rgb(texels[y * width + x]) * scale).map(f32::abs).luminance();
     // (previous, own, next)
     let kernels: &[[f32; 3]] = if sub == 2 { &[[0.25, 0.75, 0.0], [0.0, 0.75, 0.25]] } else { &[[0.125, 0.75, 0.125]] };
     let columns = width * sub;
     let mut blurred = vec![0.0; columns * height];
-    for y in 0..height {
+    blurred.par_chunks_exact_mut(columns).zip(texels.par_chunks_exact(width)).for_each(|(out, row)| {
+        let row: Vec<f32> = row.iter().map(|t| (Spectrum::from_rgb(*t) * scale).map(f32::abs).luminance()).collect();
         for x in 0..width {
-            let taps = [luminance((x + width - 1) % width, y), luminance(x, y), luminance((x + 1) % width, y)];
+            let taps = [row[(x + width - 1) % width], row[x], row[(x + 1) % width]];
             for (i, k) in kernels.iter().enumerate() {
-                blurred[y * columns + x * sub + i] = k[0] * taps[0] + k[1] * taps[1] + k[2] * taps[2];
+                out[x * sub + i] = k[0] * taps[0] + k[1] * taps[1] + k[2] * taps[2];
             }
         }
-    }
+    });
     let mut out = vec![0.0; columns * height * sub];
-    for y in 0..height {
-        let row = |y: usize| &blurred[y * columns..(y + 1) * columns];
-        let (above, own, below) = (row(y.saturating_sub(1)), row(y), row((y + 1).min(height - 1)));
-        for (i, k) in kernels.iter().enumerate() {
-            let start = (y * sub + i) * columns;
-            for (x, v) in out[start..start + columns].iter_mut().enumerate() {
-                *v = k[0] * above[x] + k[1] * own[x] + k[2] * below[x];
-            }
+    out.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
+        let (y, k) = (row / sub, kernels[row % sub]);
+        let at = |y: usize| &blurred[y * columns..(y + 1) * columns];
+        let (above, own, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(height - 1)));
+        for (x, v) in out.iter_mut().enumerate() {
+            *v = k[0] * above[x] + k[1] * own[x] + k[2] * below[x];
         }
-    }
+    });
     out
 }

@@ -27,14 +27,9 @@ impl PointLight {
 
     /// See [`super::Light::bounds`].
     pub fn bounds(&self) -> LightBounds {
-        LightBounds {
-            bounds: Aabb { min: self.p, max: self.p },
-            axis: Vec3::Z,
-            phi: super::bounds::strength(self.intensity),
-            cos_o: -1.0,
-            cos_e: 0.0,
-            two_sided: false,
-        }
+        let phi = super::bounds::strength(self.intensity);
+        let bounds = Aabb { min: self.p, max: self.p };
+        LightBounds { bounds, axis: Vec3::Z, phi, cos_o: -1.0, cos_e: 0.0, two_sided: false, mean: phi, lean: Vec3::ZERO }
     }
 
     /// See [`super::Light::emit`].

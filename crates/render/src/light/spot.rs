@@ -94,13 +94,18 @@ impl SpotLight {
 
     /// See [`super::Light::bounds`].
     pub fn bounds(&self) -> LightBounds {
+        let phi = super::bounds::strength(self.intensity);
+        let cos = 0.5 * (self.cos_inner + self.cos_outer);
         LightBounds {
             bounds: Aabb { min: self.p, max: self.p },
             axis: -self.frame.n,
-            phi: super::bounds::strength(self.intensity),
+            phi,
             cos_o: self.cos_inner,
             cos_e: fns::cos(self.outer_rad - self.inner_rad),
             two_sided: false,
+            // The first two bands of a cone's indicator function.
+            mean: phi * 0.5 * (1.0 - cos),
+            lean: -self.frame.n * (phi * 0.75 * (1.0 - cos * cos)),
         }
     }
 

@@ -8,6 +8,7 @@
 
 use etendue_scene::desc::SunSkyDesc;
 use hw_skymodel::rgb::{SkyParams, SkyState};
+use rayon::prelude::*;
 
 use super::sun_table::SUN_IRRADIANCE;
 use super::{EnvironmentLight, Light, SunLight};
@@ -95,14 +96,17 @@ impl Sky {
 
     /// The map of an [`EnvironmentLight`] whose +y is the model's +z and whose −z is the model's +y.
     fn texels(&self, (width, height): (usize, usize)) -> Vec<[f32; 3]> {
-        let mut texels = Vec::with_capacity(width * height);
-        for y in 0..height {
+        let mut texels = vec![[0.0; 3]; width * height];
+        texels.par_chunks_exact_mut(width).enumerate().for_each(|(y, row)| {
             let (sin_theta, cos_theta) = fns::sin_cos(PI * (y as f32 + 0.5) / height as f32);
-            for x in 0..width {
-                let (sin_phi, cos_phi) = fns::sin_cos(TAU * ((x as f32 + 0.5) / width as f32 - 0.5));
-                texels.push(self.radiance(Vec3::new(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta)));
+            if cos_theta < 0.0 {
+                return;
             }
-        }
+            for (x, texel) in row.iter_mut().enumerate() {
+                let (sin_phi, cos_phi) = fns::sin_cos(TAU * ((x as f32 + 0.5) / width as f32 - 0.5));
+                *texel = self.radiance(Vec3::new(sin_theta * sin_phi, sin_theta * cos_phi, cos_theta));
+            }
+        });
         texels
     }
 }

@@ -183,10 +183,16 @@ impl Sphere {
         (pdf > 0.0 && pdf.is_finite()).then_some(AreaSample { pdf, ..s })
     }
 
-    /// See [`super::Shape::pdf_solid_angle`].
+    /// See [`super::Shape::pdf_solid_angle`]; zero on the far side of a sphere seen from outside.
     #[inline]
     pub fn pdf_solid_angle(&self, ref_p: Vec3, p: Vec3, _ng: Vec3) -> f32 {
-        let pdf = self.cone_pdf(Self::cone(self.affine.unit_from_world(ref_p)), (p - ref_p).normalize_or_zero());
+        let f = self.affine.unit_from_world(ref_p);
+        let one_minus_cos = Self::cone(f);
+        // With slack for points at the outline.
+        if one_minus_cos < 2.0 && self.affine.unit_from_world(p).dot(f) < 1.0 - 1e-3 * f.length() {
+            return 0.0;
+        }
+        let pdf = self.cone_pdf(one_minus_cos, (p - ref_p).normalize_or_zero());
         if pdf.is_finite() { pdf } else { 0.0 }
     }
 }

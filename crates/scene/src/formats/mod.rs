@@ -3,9 +3,12 @@
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+mod picture_size;
 mod resolver;
+mod summary;
 
 pub use resolver::{ResolveError, Resolver};
+pub use summary::{Summary, summary};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -9,6 +9,9 @@ use serde_json::json;
 
 use crate::build::{Build, F32, U16, f32s, glb, u16s};
 
+/// All of these take well under a second; the limit only tells a hang from a busy machine.
+const LIMIT: Duration = Duration::from_secs(20);
+
 fn read(bytes: &[u8]) -> Result<SceneDesc, ReadError> {
     gltf::read_bytes(bytes, Path::new("hostile.glb"), &ReadOptions::default())
 }
@@ -141,7 +144,7 @@ fn references_and_sizes_out_of_range() {
             Err(e) => e.to_string(),
         };
         assert!(message.contains(":1:") && message.contains(": error: /"), "{pointer} = {value}: {message}");
-        assert!(start.elapsed() < Duration::from_secs(2), "{pointer} = {value}");
+        assert!(start.elapsed() < LIMIT, "{pointer} = {value}");
     }
 }
 
@@ -169,7 +172,7 @@ fn deep_and_long_json() {
     let start = Instant::now();
     let Err(ReadError::Invalid { faults, .. }) = b.read_with(&ReadOptions::default()) else { panic!() };
     assert_eq!(faults.len(), 1000);
-    assert!(start.elapsed() < Duration::from_secs(2));
+    assert!(start.elapsed() < LIMIT);
 }
 
 #[test]
@@ -183,7 +186,7 @@ fn large_base64() {
     let start = Instant::now();
     assert_eq!(read(text.as_bytes()).unwrap().meshes.len(), 1);
     assert!(read(text.replace("AAAA\"", "AA*A\"").as_bytes()).unwrap_err().to_string().contains("/buffers/0: not base64"));
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(start.elapsed() < LIMIT);
 }
 
 #[test]
@@ -208,6 +211,14 @@ fn numbers_that_are_none() {
     assert!(desc.shapes.is_empty() && desc.report.faults[0].message.contains("makes everything flat"));
 }
 
+#[test]
+fn a_fault_is_told_once() {
+    let mut b = rich();
+    b.json["bufferViews"][0]["byteLength"] = json!(1 << 30);
+    let message = b.error();
+    assert_eq!(message.matches("/bufferViews/0: ").count(), 1, "{message}");
+}
+
 /// Little that asks for much: many primitives that take the same accessor, accessors without data.
 #[test]
 fn memory_is_bounded() {
@@ -217,7 +228,7 @@ fn memory_is_bounded() {
     b.json["meshes"][0]["primitives"] = (0..1000).map(|_| primitive.clone()).collect();
     let start = Instant::now();
     assert!(b.error().contains("more than a file of this size may ask for"));
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(start.elapsed() < LIMIT);
 }
 
 /// The seeds of the fuzz target (`fuzz/corpus/gltf`).
@@ -245,7 +256,7 @@ fn write_corpus() {
         .unwrap();
 }
 
-/// Changes bytes and JSON values at random, always the same ones; nothing may panic or hang.
+/// Changes bytes and JSON values at random, always the same ones; nothing may panic or hang. `ETENDUE_MUTATIONS` asks for more.
 #[test]
 fn mutated_files() {
     let mut state = 0x2545_F491_4F6C_DD1Du64;
@@ -262,7 +273,8 @@ fn mutated_files() {
     let numbers = ["0", "-1", "1", "3", "255", "65536", "4294967296", "9007199254740993", "1e308", "0.5", "null", "[]", "{}", "\"x\""];
     let start = Instant::now();
     let mut good = 0;
-    for i in 0..6000 {
+    let count = std::env::var("ETENDUE_MUTATIONS").ok().and_then(|n| n.parse().ok()).unwrap_or(6000);
+    for i in 0..count {
         let result = if i % 2 == 0 {
             let mut changed = seeds[random() % seeds.len()].clone();
             for _ in 0..1 + random() % 4 {
@@ -279,8 +291,9 @@ fn mutated_files() {
             let with_buffer = changed.replacen('{', &format!("{{\"buffers\":[{{\"byteLength\":{}}}],", seed.bin.len()), 1);
             read(&glb(with_buffer.as_bytes(), &seed.bin))
         };
-        good += usize::from(result.is_ok());
+        // What was read can be written.
+        good += usize::from(result.is_ok_and(|desc| gltf::write_glb(&desc).is_ok()));
     }
     assert!(good > 500, "only {good} were read: the mutations are too wild to test much");
-    assert!(start.elapsed() < Duration::from_secs(5));
+    assert!(count > 6000 || start.elapsed() < LIMIT);
 }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use etendue_scene::desc::{BsdfDesc, GeometryDesc, ImageSource, ProjectionDesc, Scalar};
 use etendue_scene::formats::{ReadOptions, gltf};
 
-fn sample(name: &str) -> Option<PathBuf> {
+pub fn sample(name: &str) -> Option<PathBuf> {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
     let alternative = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../../shared/scenes");
     let found = [scenes, alternative].into_iter().map(|d| d.join(name)).find(|p| p.is_file());

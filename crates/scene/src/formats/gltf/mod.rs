@@ -14,6 +14,7 @@ mod json;
 mod meshopt;
 mod meshopt_filter;
 mod read;
+mod write;
 
 use std::path::Path;
 
@@ -22,6 +23,7 @@ use crate::desc::SceneDesc;
 use crate::report::ReadError;
 
 pub use read::read_bytes;
+pub use write::{write, write_glb};
 
 /// Luminous efficacy that relates photometric to radiometric units, lm/W: that of 555 nm, as Blender and others take it for glTF.
 const LUMENS_PER_WATT: f32 = 683.0;

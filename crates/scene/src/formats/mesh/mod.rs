@@ -3,6 +3,7 @@
 mod mtl;
 pub mod obj;
 pub mod ply;
+pub mod ply_write;
 mod serialized;
 mod stl;
 

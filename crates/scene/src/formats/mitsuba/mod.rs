@@ -13,7 +13,10 @@ mod cie;
 mod spectrum;
 pub mod tree;
 mod upgrade;
+mod write;
 pub mod xml;
+
+pub use write::write;
 
 use std::path::{Path, PathBuf};
 

@@ -3,7 +3,6 @@
 use glam::{DMat4, DVec3};
 
 use super::tree::{Kind, Plugin, Property, Value};
-use crate::report::Report;
 
 /// `intIOR` → `int_ior`: a capital starts a word unless it goes on with a run of capitals.
 pub fn snake_case(name: &str) -> String {
@@ -25,24 +24,38 @@ pub fn snake_case(name: &str) -> String {
 }
 
 /// Upgrades one plugin whose parameters already have new names; nested ones have been upgraded before.
-pub fn plugin(plugin: &mut Plugin, _report: &mut Report) {
+pub fn plugin(plugin: &mut Plugin) {
     match plugin.kind {
         Kind::Texture => {
             rename_type(plugin, &[("ldrtexture", "bitmap"), ("gridtexture", "checkerboard"), ("vertexcolors", "mesh_attribute")]);
             uv_transform(plugin);
         }
         Kind::Bsdf => {
-            rename_type(plugin, &[("bump", "bumpmap"), ("mixturebsdf", "mixturebsdf"), ("lambertian", "diffuse"), ("mirror", "conductor")]);
+            let was_mirror = plugin.type_name == "mirror";
+            rename_type(plugin, &[("bump", "bumpmap"), ("lambertian", "diffuse"), ("mirror", "conductor")]);
             if matches!(plugin.type_name.as_str(), "diffuse" | "roughdiffuse") {
                 rename(plugin, "diffuse_reflectance", "reflectance");
+            }
+            // 0.x means copper where Mitsuba 3 means a mirror.
+            if matches!(plugin.type_name.as_str(), "conductor" | "roughconductor")
+                && !plugin.params.iter().any(|p| matches!(p.name.as_str(), "material" | "eta" | "k"))
+            {
+                let material = if was_mirror { "none" } else { "Cu" };
+                add(plugin, "material", Value::Text(material.to_owned()));
             }
             if plugin.type_name == "bumpmap" || plugin.type_name == "normalmap" {
                 name_texture(plugin, if plugin.type_name == "bumpmap" { "arbitrary" } else { "normalmap" });
             }
         }
+        // Sky models of 0.x have +y to the zenith, those of Mitsuba 3 +z.
+        Kind::Emitter if matches!(plugin.type_name.as_str(), "sky" | "sun" | "sunsky") => add(plugin, "y_up", Value::Bool(true)),
         Kind::Film => rename_type(plugin, &[("exrfilm", "hdrfilm"), ("pngfilm", "ldrfilm")]),
         _ => {}
     }
+}
+
+fn add(plugin: &mut Plugin, name: &str, value: Value) {
+    plugin.params.push(Property { name: name.to_owned(), value, span: plugin.span });
 }
 
 fn rename_type(plugin: &mut Plugin, names: &[(&str, &str)]) {

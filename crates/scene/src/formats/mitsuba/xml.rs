@@ -172,7 +172,7 @@ impl<'a> XmlReader<'a> {
         let tag = node.tag_name().name();
         let mut plugin = Plugin { kind, type_name: String::new(), id: String::new(), span, params: Vec::new() };
         for attribute in node.attributes() {
-            let value = self.substitute(attribute.value(), span);
+            let value = self.substitute(attribute.value(), span).unwrap_or_default();
             match attribute.name() {
                 "type" => plugin.type_name = value,
                 "id" => plugin.id = value,
@@ -199,7 +199,7 @@ impl<'a> XmlReader<'a> {
             }
         }
         if cx.old {
-            upgrade::plugin(&mut plugin, &mut self.report);
+            upgrade::plugin(&mut plugin);
         }
         Some(plugin)
     }
@@ -320,10 +320,10 @@ impl<'a> XmlReader<'a> {
         }
     }
 
-    /// The text with `$key` replaced by the longest key that is defined.
-    fn substitute(&mut self, text: &str, span: Span) -> String {
+    /// The text with `$key` replaced by the longest key that is defined; `None`, with a fault, where none is.
+    fn substitute(&mut self, text: &str, span: Span) -> Option<String> {
         if !text.contains('$') {
-            return text.to_owned();
+            return Some(text.to_owned());
         }
         let mut out = String::with_capacity(text.len());
         let mut rest = text;
@@ -341,27 +341,27 @@ impl<'a> XmlReader<'a> {
                 None => {
                     let hint = suggestion(&rest[..word], self.defines.keys().map(String::as_str));
                     self.report.error(span, format!("`${}` is not defined{hint}", &rest[..word]));
-                    rest = &rest[word..];
+                    return None;
                 }
             }
             if out.len() > VALUE_LIMIT {
                 self.report.error(span, "a value grows too long");
-                return String::new();
+                return None;
             }
         }
-        out + rest
+        Some(out + rest)
     }
 
     fn attribute(&mut self, node: Node, name: &str, span: Span) -> String {
-        node.attribute(name).map(|v| self.substitute(v, span)).unwrap_or_default()
+        node.attribute(name).and_then(|v| self.substitute(v, span)).unwrap_or_default()
     }
 
     fn required(&mut self, node: Node, name: &str, span: Span) -> Option<String> {
-        if !node.has_attribute(name) {
+        let Some(value) = node.attribute(name) else {
             self.report.error(span, format!("<{}> lacks its `{name}`", node.tag_name().name()));
             return None;
-        }
-        Some(self.attribute(node, name, span))
+        };
+        self.substitute(value, span)
     }
 
     fn check_attributes(&mut self, node: Node, span: Span, known: &[&str]) {

@@ -2,6 +2,7 @@
 
 use super::Reader;
 use crate::formats::gltf::json::{Kind, Value, path_of};
+use crate::report::REPORT_LIMIT;
 use crate::span::Span;
 
 impl<'a> Reader<'a> {
@@ -16,7 +17,10 @@ impl<'a> Reader<'a> {
 
     pub(super) fn error(&mut self, value: &Value<'_>, text: impl AsRef<str>) {
         let message = self.message(value, text);
-        self.desc.report.error(self.span(value), message);
+        // What several places refer to is told once.
+        if self.told.len() < REPORT_LIMIT && self.told.insert(message.clone()) {
+            self.desc.report.error(self.span(value), message);
+        }
     }
 
     pub(super) fn warning(&mut self, value: &Value<'_>, text: impl AsRef<str>) {

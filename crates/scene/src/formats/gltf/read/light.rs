@@ -18,7 +18,9 @@ fn rigid(m: &DMat4) -> Mat4 {
     // Gram–Schmidt, in case that the parents shear.
     let y = axis(m.y_axis.truncate() - z * z.dot(m.y_axis.truncate()), z.cross(x));
     let x = if y.cross(z).dot(x) < 0.0 { -y.cross(z) } else { y.cross(z) };
-    DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), m.w_axis).as_mat4()
+    let rigid = DMat4::from_cols(x.extend(0.0), y.extend(0.0), z.extend(0.0), m.w_axis);
+    // Rounding is left alone, so that writing and reading again changes nothing.
+    if rigid.abs_diff_eq(*m, 1e-6) { m.as_mat4() } else { rigid.as_mat4() }
 }
 
 impl<'a> Reader<'a> {

@@ -119,7 +119,7 @@ impl<'a> Reader<'a> {
         if let Some(at) = attributes.get("NORMAL") {
             let normals = self.elements::<f32>(at, &[3], &[F32, I8, I16])?;
             if self.same_count(at, normals.len(), count) {
-                data.normals = normals.arrays().map(|n| Vec3::from_array(n).normalize_or_zero()).collect();
+                data.normals = normals.arrays().map(|n| unit(Vec3::from_array(n))).collect();
                 if data.normals.contains(&Vec3::ZERO) {
                     self.warning(at, "normals of length 0 or not finite; replaced by those of a triangle");
                 }
@@ -128,8 +128,8 @@ impl<'a> Reader<'a> {
         // glTF 2.0, 3.7.2.1: tangents mean nothing without normals.
         if let (Some(at), false) = (attributes.get("TANGENT"), data.normals.is_empty()) {
             let tangents = self.elements::<f32>(at, &[4], &[F32, I8, I16])?;
-            let unit = |t: [f32; 4]| Vec3::new(t[0], t[1], t[2]).normalize_or_zero().extend(if t[3] < 0.0 { -1.0 } else { 1.0 });
-            let tangents: Vec<Vec4> = tangents.arrays().map(unit).collect();
+            let tangent = |t: [f32; 4]| unit(Vec3::new(t[0], t[1], t[2])).extend(if t[3] < 0.0 { -1.0 } else { 1.0 });
+            let tangents: Vec<Vec4> = tangents.arrays().map(tangent).collect();
             if self.same_count(at, tangents.len(), count) {
                 if tangents.iter().any(|t| t.truncate() == Vec3::ZERO) {
                     self.warning(at, "tangents of length 0 or not finite; all are derived from the texture coordinates");
@@ -206,6 +206,11 @@ impl<'a> Reader<'a> {
         triangles.retain(|[a, b, c]| a != b && b != c && a != c);
         Some(triangles)
     }
+}
+
+/// A vector of length 1: as it is where it is one but for rounding, so that writing and reading again changes nothing.
+fn unit(v: Vec3) -> Vec3 {
+    if (v.length_squared() - 1.0).abs() < 1e-6 { v } else { v.normalize_or_zero() }
 }
 
 /// Puts the mirror image in x in place of a mesh, with the outside still outside.

@@ -11,7 +11,7 @@ mod mesh;
 mod node;
 mod texture;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::container;
@@ -57,6 +57,7 @@ pub fn read_bytes(bytes: &[u8], path: &Path, options: &ReadOptions) -> Result<Sc
         // Hostile files must not make much of little; honest ones hold most of their data as it is.
         budget: (1 << 28) + 64 * bytes.len() as u64,
         over_budget: false,
+        told: HashSet::new(),
         buffers: HashMap::new(),
         files: HashMap::new(),
         views: HashMap::new(),
@@ -94,6 +95,8 @@ struct Reader<'a> {
     /// Bytes that decoding may still take.
     budget: u64,
     over_budget: bool,
+    /// The errors so far.
+    told: HashSet<String>,
     buffers: HashMap<usize, Option<buffer::Bytes<'a>>>,
     /// External files that were read, by path.
     files: HashMap<PathBuf, buffer::Bytes<'a>>,

@@ -1,0 +1,347 @@
+//! Textures, scattering models and media.
+
+use std::io;
+
+use glam::{Mat3, Mat4, Vec4};
+
+use super::{Writer, exr, named};
+use crate::desc::{
+    BsdfDesc, BsdfId, Channel, Encoding, ImageId, ImageSource, MediumDesc, MicrofacetKind, Param, PbrDesc, PhaseDesc, Roughness, Scalar,
+    TextureDesc, TextureFilter, Wrap,
+};
+use crate::formats::Resolver;
+use crate::span::Span;
+
+/// Turns v round: our pictures begin at v = 1, Mitsuba's at v = 0.
+const FLIP_V: Mat3 = Mat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 1.0]);
+
+impl Writer<'_> {
+    /// The name of a picture's file; written on first use.
+    pub(super) fn image(&mut self, id: ImageId) -> io::Result<String> {
+        if let Some(Some(name)) = self.images.get(id.0 as usize) {
+            return Ok(name.clone());
+        }
+        let i = id.0;
+        let name = match self.desc.images.get(i as usize).map(|n| &n.value.source) {
+            Some(ImageSource::File(path)) => {
+                let inside =
+                    self.folder.canonicalize().ok().and_then(|f| path.strip_prefix(f).ok().map(|p| p.to_string_lossy().replace('\\', "/")));
+                match inside {
+                    Some(name) => name,
+                    None => {
+                        let bytes = Resolver::read(path).map_err(|e| named(path, &io::Error::other(e.to_string())))?;
+                        let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+                        self.put_file(&format!("{i}_{file}"), &bytes)?
+                    }
+                }
+            }
+            Some(ImageSource::Embedded(bytes)) => {
+                let extension = match bytes.as_slice() {
+                    [0x89, b'P', b'N', b'G', ..] => "png",
+                    [0xff, 0xd8, ..] => "jpg",
+                    [b'#', b'?', ..] => "hdr",
+                    [0x76, 0x2f, 0x31, 0x01, ..] => "exr",
+                    [b'R', b'I', b'F', b'F', ..] => "webp",
+                    [b'B', b'M', ..] => "bmp",
+                    _ => "img",
+                };
+                let bytes = bytes.clone();
+                self.put_file(&format!("image_{i}.{extension}"), &bytes)?
+            }
+            Some(ImageSource::Pixels { width, height, channels, data }) => {
+                let bytes = exr::to_bytes(*width, *height, *channels, data);
+                self.put_file(&format!("image_{i}.exr"), &bytes)?
+            }
+            None => String::new(),
+        };
+        self.images[i as usize] = Some(name.clone());
+        Ok(name)
+    }
+
+    pub(super) fn texture(&mut self, i: usize) -> io::Result<()> {
+        let node = &self.desc.textures[i];
+        let (id, span) = (self.ids.textures[i].clone(), node.span);
+        match &node.value {
+            TextureDesc::Constant { value } => {
+                self.xml.open("texture", "srgb", &id);
+                self.xml.triple("rgb", "color", *value);
+            }
+            TextureDesc::Bitmap(bitmap) => {
+                let name = self.image(bitmap.image)?;
+                self.xml.open("texture", "bitmap", &id);
+                self.xml.value("string", "filename", name);
+                match bitmap.filter {
+                    TextureFilter::Nearest => self.xml.value("string", "filter_type", "nearest"),
+                    TextureFilter::Bilinear => {}
+                    TextureFilter::Trilinear => self.lose(span, "trilinear texture filter", "bilinear"),
+                }
+                match bitmap.wrap[0] {
+                    Wrap::Repeat => {}
+                    Wrap::Mirror => self.xml.value("string", "wrap_mode", "mirror"),
+                    Wrap::Clamp => self.xml.value("string", "wrap_mode", "clamp"),
+                }
+                if bitmap.wrap[1] != bitmap.wrap[0] {
+                    self.lose(span, "texture wrapped differently in v", "wrapped as in u");
+                }
+                if bitmap.encoding == Encoding::Linear {
+                    self.xml.value("boolean", "raw", true);
+                }
+                if bitmap.channel != Channel::Luminance {
+                    self.lose(span, "texture of a single channel", "its luminance");
+                }
+                if bitmap.uv_set != 0 {
+                    self.lose(span, "second set of texture coordinates", "the first");
+                }
+                self.xml.transform("to_uv", embed(FLIP_V * bitmap.picture_from_uv));
+            }
+            TextureDesc::Checkerboard { color0, color1, pattern_from_uv } => {
+                self.xml.open("texture", "checkerboard", &id);
+                self.color("color0", *color0);
+                self.color("color1", *color1);
+                self.xml.transform("to_uv", embed(*pattern_from_uv));
+            }
+            TextureDesc::Attribute { name, scale } => {
+                let per_face = self.desc.meshes.iter().filter_map(|m| m.value.data.as_ref()).flat_map(|d| &d.attributes);
+                let per_face = per_face.filter(|a| a.name == *name).any(|a| a.per_face);
+                self.xml.open("texture", "mesh_attribute", &id);
+                self.xml.value("string", "name", format!("{}_{name}", if per_face { "face" } else { "vertex" }));
+                if *scale != 1.0 {
+                    self.xml.float("scale", *scale);
+                }
+            }
+            TextureDesc::Multiply { a, b } => return self.stand_in(span, &id, &[*a, *b], "product of textures"),
+            TextureDesc::Mix { a, b, .. } => return self.stand_in(span, &id, &[*a, *b], "mix of textures"),
+            TextureDesc::Affine { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "scaled texture"),
+        }
+        self.xml.close();
+        Ok(())
+    }
+
+    /// What Mitsuba cannot compute becomes its first textured part, or its first constant.
+    fn stand_in(&mut self, span: Span, id: &str, parts: &[crate::desc::Color], feature: &str) -> io::Result<()> {
+        self.lose(span, feature, "one of its parts");
+        let texture = parts.iter().find_map(|p| if let Param::Texture(t) = p { Some(t.0) } else { None });
+        match texture {
+            // A checkerboard of two like squares passes its parameter on.
+            Some(t) => {
+                self.xml.open("texture", "checkerboard", id);
+                self.texture_ref("color0", t);
+                self.texture_ref("color1", t);
+            }
+            None => {
+                let value = parts.iter().find_map(|p| if let Param::Constant(c) = p { Some(*c) } else { None });
+                self.xml.open("texture", "srgb", id);
+                self.xml.triple("rgb", "color", value.unwrap_or([0.5; 3]));
+            }
+        }
+        self.xml.close();
+        Ok(())
+    }
+
+    /// The id under which a model is written; models that Mitsuba lacks stand for what is under them.
+    pub(super) fn bsdf_id(&self, id: BsdfId) -> String {
+        let mut id = id;
+        for _ in 0..self.desc.bsdfs.len() {
+            match self.desc.bsdfs.get(id.0 as usize).map(|n| &n.value) {
+                Some(BsdfDesc::Coated { base, .. }) => id = *base,
+                _ => break,
+            }
+        }
+        self.ids.bsdfs.get(id.0 as usize).cloned().unwrap_or_default()
+    }
+
+    fn bsdf_ref(&mut self, id: BsdfId) {
+        let id = self.bsdf_id(id);
+        self.xml.reference("", &id);
+    }
+
+    fn roughness(&mut self, roughness: &Option<Roughness>) {
+        let Some(r) = roughness else { return };
+        let distribution = if r.distribution == MicrofacetKind::Ggx { "ggx" } else { "beckmann" };
+        self.xml.value("string", "distribution", distribution);
+        if r.alpha_u == r.alpha_v {
+            self.scalar("alpha", r.alpha_u);
+        } else {
+            self.scalar("alpha_u", r.alpha_u);
+            self.scalar("alpha_v", r.alpha_v);
+        }
+    }
+
+    fn iors(&mut self, int_ior: f32, ext_ior: f32) {
+        self.xml.float("int_ior", int_ior);
+        self.xml.float("ext_ior", ext_ior);
+    }
+
+    pub(super) fn bsdf(&mut self, i: usize) {
+        let node = &self.desc.bsdfs[i];
+        let (id, span) = (self.ids.bsdfs[i].clone(), node.span);
+        match &node.value {
+            BsdfDesc::Coated { .. } => return self.lose(span, "coated bsdf", "what is under the coat"),
+            BsdfDesc::Pbr(pbr) => return self.pbr(span, &id, pbr),
+            BsdfDesc::Diffuse { alpha: Some(_), .. } => {
+                self.lose(span, "rough diffuse bsdf", "diffuse");
+                self.xml.open("bsdf", "diffuse", &id);
+            }
+            value => self.xml.open("bsdf", value.type_name(), &id),
+        }
+        match &node.value {
+            BsdfDesc::Diffuse { reflectance, .. } => self.color("reflectance", *reflectance),
+            BsdfDesc::Conductor { eta, k, specular_reflectance, roughness } => {
+                match eta {
+                    Some(eta) => {
+                        self.color("eta", *eta);
+                        self.color("k", *k);
+                    }
+                    None => self.xml.value("string", "material", "none"),
+                }
+                self.color("specular_reflectance", *specular_reflectance);
+                self.roughness(roughness);
+            }
+            BsdfDesc::Dielectric { int_ior, ext_ior, specular_reflectance, specular_transmittance, roughness } => {
+                self.iors(*int_ior, *ext_ior);
+                self.color("specular_reflectance", *specular_reflectance);
+                self.color("specular_transmittance", *specular_transmittance);
+                self.roughness(roughness);
+            }
+            BsdfDesc::ThinDielectric { int_ior, ext_ior, specular_reflectance, specular_transmittance } => {
+                self.iors(*int_ior, *ext_ior);
+                self.color("specular_reflectance", *specular_reflectance);
+                self.color("specular_transmittance", *specular_transmittance);
+            }
+            BsdfDesc::Plastic { diffuse_reflectance, specular_reflectance, int_ior, ext_ior, nonlinear, roughness } => {
+                self.iors(*int_ior, *ext_ior);
+                self.color("diffuse_reflectance", *diffuse_reflectance);
+                self.color("specular_reflectance", *specular_reflectance);
+                self.xml.value("boolean", "nonlinear", nonlinear);
+                if let Some(r) = roughness
+                    && (r.alpha_u != r.alpha_v || matches!(r.alpha_u, Param::Texture(_)))
+                {
+                    // Mitsuba's rough plastic takes one number.
+                    self.lose(span, "rough plastic of varying or anisotropic roughness", "one roughness");
+                    let alpha = if let Param::Constant(v) = r.alpha_u { v } else { 0.1 };
+                    let alpha: Scalar = Param::Constant(alpha);
+                    self.roughness(&Some(Roughness { distribution: r.distribution, alpha_u: alpha, alpha_v: alpha }));
+                } else {
+                    self.roughness(roughness);
+                }
+            }
+            BsdfDesc::Principled(p) => {
+                self.color("base_color", p.base_color);
+                let common = [
+                    ("roughness", p.roughness),
+                    ("anisotropic", p.anisotropic),
+                    ("spec_trans", p.spec_trans),
+                    ("spec_tint", p.spec_tint),
+                    ("sheen", p.sheen),
+                    ("sheen_tint", p.sheen_tint),
+                    ("flatness", p.flatness),
+                    ("eta", p.eta),
+                ];
+                let solid = [("metallic", p.metallic), ("clearcoat", p.clearcoat), ("clearcoat_gloss", p.clearcoat_gloss)];
+                let thin = [("diff_trans", p.diff_trans)];
+                let rest = if p.thin { &thin[..] } else { &solid[..] };
+                for (name, value) in common.iter().chain(rest) {
+                    self.scalar(name, *value);
+                }
+            }
+            BsdfDesc::Blend { first, second, weight } => {
+                self.scalar("weight", *weight);
+                self.bsdf_ref(*first);
+                self.bsdf_ref(*second);
+            }
+            BsdfDesc::Mask { nested, opacity } => {
+                self.scalar("opacity", *opacity);
+                self.bsdf_ref(*nested);
+            }
+            BsdfDesc::TwoSided { front, back } => {
+                self.bsdf_ref(*front);
+                if front != back {
+                    self.bsdf_ref(*back);
+                }
+            }
+            BsdfDesc::BumpMap { nested, texture, scale } => {
+                self.texture_ref("arbitrary", texture.0);
+                self.xml.float("scale", *scale);
+                self.bsdf_ref(*nested);
+            }
+            BsdfDesc::NormalMap { nested, texture, scale } => {
+                self.texture_ref("normalmap", texture.0);
+                if *scale != 1.0 {
+                    self.lose(span, "scale of a normal map", "1");
+                }
+                self.bsdf_ref(*nested);
+            }
+            BsdfDesc::Coated { .. } | BsdfDesc::Pbr(_) | BsdfDesc::Null => {}
+        }
+        self.xml.close();
+    }
+
+    fn pbr(&mut self, span: Span, id: &str, p: &PbrDesc) {
+        let plain = PbrDesc::default();
+        let extras = [
+            (p.specular != plain.specular || p.specular_color != plain.specular_color, "specular strength or tint"),
+            (p.dispersion != 0.0, "dispersion"),
+            (p.clearcoat_normal.is_some(), "normal map of the clear coat"),
+            (p.sheen_color != plain.sheen_color, "sheen"),
+            (p.anisotropy != plain.anisotropy, "anisotropy"),
+            (p.iridescence != plain.iridescence, "iridescence"),
+        ];
+        let lost: Vec<&str> = extras.iter().filter(|(given, _)| *given).map(|(_, what)| *what).collect();
+        let without = if lost.is_empty() { String::new() } else { format!(" without {}", lost.join(", ")) };
+        self.lose(span, "glTF material", &format!("bsdf \"principled\"{without}"));
+        // glTF surfaces without a volume are seen from both sides.
+        let transmits = p.transmission != Param::Constant(0.0);
+        if !transmits {
+            self.xml.open("bsdf", "twosided", id);
+            self.xml.open("bsdf", "principled", "");
+        } else {
+            self.xml.open("bsdf", "principled", id);
+        }
+        self.color("base_color", p.base_color);
+        self.scalar("metallic", p.metallic);
+        self.scalar("roughness", p.roughness);
+        // An index of 1 has no interface in Mitsuba's model.
+        self.xml.float("eta", p.ior.max(1.001));
+        self.scalar("spec_trans", p.transmission);
+        self.scalar("clearcoat", p.clearcoat);
+        let gloss = if let Param::Constant(r) = p.clearcoat_roughness { 1.0 - r } else { 1.0 };
+        self.xml.float("clearcoat_gloss", gloss);
+        self.xml.close();
+        if !transmits {
+            self.xml.close();
+        }
+    }
+
+    pub(super) fn medium(&mut self, i: usize) {
+        let node = &self.desc.media[i];
+        let id = self.ids.media[i].clone();
+        let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value;
+        if emission.iter().any(|v| *v != 0.0) {
+            self.lose(node.span, "emission of a medium", "none");
+        }
+        self.xml.open("medium", "homogeneous", &id);
+        let sigma_t = [0, 1, 2].map(|c| sigma_a[c] + sigma_s[c]);
+        self.xml.triple("rgb", "sigma_t", sigma_t);
+        self.xml.triple("rgb", "albedo", [0, 1, 2].map(|c| if sigma_t[c] > 0.0 { sigma_s[c] / sigma_t[c] } else { 0.0 }));
+        match phase {
+            PhaseDesc::Isotropic => self.xml.open("phase", "isotropic", ""),
+            PhaseDesc::Rayleigh => self.xml.open("phase", "rayleigh", ""),
+            PhaseDesc::HenyeyGreenstein { g } => {
+                self.xml.open("phase", "hg", "");
+                self.xml.float("g", *g);
+            }
+        }
+        self.xml.close();
+        self.xml.close();
+    }
+}
+
+/// A transform of (u, v) as the 4×4 matrix of which Mitsuba takes the upper rows.
+fn embed(m: Mat3) -> Mat4 {
+    Mat4::from_cols(
+        Vec4::new(m.x_axis.x, m.x_axis.y, 0.0, 0.0),
+        Vec4::new(m.y_axis.x, m.y_axis.y, 0.0, 0.0),
+        Vec4::Z,
+        Vec4::new(m.z_axis.x, m.z_axis.y, 0.0, 1.0),
+    )
+}

@@ -1,0 +1,9 @@
+//! `cargo +nightly fuzz run ply`
+#![no_main]
+
+use etendue_scene::desc::MeshFormat;
+use etendue_scene::formats::mesh;
+
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
+    let _ = mesh::parse(bytes, MeshFormat::Ply, 0);
+});
