@@ -10,7 +10,7 @@ use crate::scene::{Scene, Surface};
 
 /// Evaluates the textures of a glTF material. `frame` is the shading frame with the base's normal map; the coat has its own normal
 /// map or none, so its normal is found from the untilted one (`base_normal`, where the frame is tilted).
-pub(super) fn shade(scene: &Scene, s: &Surface, p: &PbrDesc, frame: &Frame, base_normal: Option<Vec3>) -> Bsdf {
+pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &Frame, base_normal: Option<Vec3>) -> Bsdf {
     let number = |v| scene.scalar(v, s);
     let mut anisotropy = number(&p.anisotropy);
     let mut anisotropy_rotation = p.anisotropy_rotation;
@@ -24,7 +24,7 @@ pub(super) fn shade(scene: &Scene, s: &Surface, p: &PbrDesc, frame: &Frame, base
     let clearcoat_normal = if clearcoat > 0.0 {
         let untilted = base_normal.map(|n| Frame { n, ..Frame::from_normal_tangent(n, frame.s) });
         match p.clearcoat_normal {
-            Some((texture, scale)) => Some(normal_map(scene, s, &untilted.unwrap_or(*frame), texture, scale).n),
+            Some((texture, scale)) => Some(normal_map(scene, s, &untilted.unwrap_or(*frame), wo, texture, scale).n),
             None => base_normal,
         }
     } else {

@@ -62,12 +62,12 @@ impl Material {
                 }
             }
             BsdfDesc::BumpMap { nested: inner, texture, scale } => {
-                let frame = frames::bump(scene, s, &at.frame, *texture, *scale);
+                let frame = frames::bump(scene, s, &at.frame, wo, *texture, *scale);
                 let base_normal = at.base_normal.or(Some(at.frame.n));
                 nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
             }
             BsdfDesc::NormalMap { nested: inner, texture, scale } => {
-                let frame = frames::normal_map(scene, s, &at.frame, *texture, *scale);
+                let frame = frames::normal_map(scene, s, &at.frame, wo, *texture, *scale);
                 let base_normal = at.base_normal.or(Some(at.frame.n));
                 nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, ..deeper }, out);
             }
@@ -166,7 +166,7 @@ impl Material {
                     thin: p.thin,
                 })
             }
-            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, p, &at.frame, at.base_normal),
+            BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, wo, p, &at.frame, at.base_normal),
             BsdfDesc::Null => Bsdf::Null(Null),
             BsdfDesc::Blend { .. }
             | BsdfDesc::Mask { .. }

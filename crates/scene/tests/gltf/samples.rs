@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use etendue_scene::desc::{BsdfDesc, GeometryDesc, ImageSource, ProjectionDesc, Scalar};
-use etendue_scene::formats::{ReadOptions, gltf};
+use etendue_scene::formats::{self, ReadOptions, gltf};
 
 pub fn sample(name: &str) -> Option<PathBuf> {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/scenes");
@@ -20,6 +20,8 @@ fn helmet() {
     let Some(path) = sample("helmet.glb") else { return };
     let desc = gltf::read(&path, &ReadOptions::default()).unwrap();
     assert!(desc.report.faults.is_empty() && desc.report.losses.is_empty(), "{:?}", desc.report);
+    // The checks of the description agree.
+    assert_eq!(formats::read(&path, &ReadOptions::default()).unwrap().shapes.len(), 9);
     assert_eq!(desc.shapes.len(), 9);
     assert_eq!(desc.images.len(), 15);
     let lights: Vec<_> = desc.shapes.iter().filter(|s| s.value.emission.is_some()).collect();
