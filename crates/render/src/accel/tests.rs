@@ -122,7 +122,7 @@ fn all_instruction_sets_agree_with_brute_force_bit_for_bit() {
     for (count, seed) in [(0, 1), (1, 2), (3, 3), (40, 4), (600, 5), (3000, 6)] {
         let mesh = if count == 0 { (vec![], vec![]) } else { soup(count, seed) };
         let shapes: Vec<Shape> = (0..count / 20)
-            .map(|i| Shape::Sphere(Sphere { center: Random(seed + i as u64 * 77 + 1).point(1.0), radius: 0.02 + 0.0007 * i as f32 }))
+            .map(|i| Shape::Sphere(Sphere::new(Random(seed + i as u64 * 77 + 1).point(1.0), 0.02 + 0.0007 * i as f32).unwrap()))
             .collect();
         let brute = BruteForce::new(&mesh, &shapes);
         let mut accel = mesh_accel(&mesh, &shapes);
@@ -278,7 +278,7 @@ fn axis_parallel_rays_through_grid_points_do_not_leak() {
 #[test]
 fn instances_agree_with_flattened_geometry() {
     let mesh = soup(300, 11);
-    let spheres = [Shape::Sphere(Sphere { center: Vec3::new(0.1, 0.2, 0.3), radius: 0.4 })];
+    let spheres = [Shape::Sphere(Sphere::new(Vec3::new(0.1, 0.2, 0.3), 0.4).unwrap())];
     let blas = || Blas::build(BlasInput { positions: &mesh.0, triangles: &mesh.1, shapes: &spheres });
     // Powers of two and whole numbers, so that flattening rounds nothing in most coordinates.
     let turn = Mat4::from_cols_array(&[0.0, 0.5, 0.0, 0.0, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 2.0, 0.0, 0.0, 1.0]);

@@ -65,7 +65,7 @@ fn exr(bytes: &[u8]) -> Option<(u32, u32)> {
         let size = usize::try_from(le32(bytes, at)?).ok()?;
         at += 4;
         if name == b"dataWindow" {
-            let edge = |a: usize| Some(u32::try_from(i64::from(le32(bytes, at + 8 + a)?) - i64::from(le32(bytes, at + a)?) + 1).ok()?);
+            let edge = |a: usize| u32::try_from(i64::from(le32(bytes, at + 8 + a)?) - i64::from(le32(bytes, at + a)?) + 1).ok();
             return Some((edge(0)?, edge(4)?));
         }
         at = at.checked_add(size)?;

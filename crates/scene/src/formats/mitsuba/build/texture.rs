@@ -235,7 +235,7 @@ impl<'t> Builder<'t> {
         p.ignore(&["format", "accel", "max_anisotropy", "cache"]);
         let encoding = match gamma {
             _ if raw => Encoding::Linear,
-            Some(g) if g == 1.0 => Encoding::Linear,
+            Some(1.0) => Encoding::Linear,
             Some(g) if g == -1.0 || (g - 2.2).abs() < 0.01 => Encoding::Srgb,
             Some(_) => {
                 p.lose(&["gamma"]);
