@@ -26,6 +26,10 @@ struct Cli {
 enum Command {
     /// Render a scene.
     Render(Box<commands::render::Args>),
+    /// Print what a scene file holds and what of it is not honored.
+    Info(commands::info::Args),
+    /// Convert a scene to another format.
+    Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
     Bench(commands::bench::Args),
     /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
@@ -47,6 +51,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
+        Command::Info(args) => commands::info::run(args),
+        Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
         Command::Merge(args) => commands::merge::run(args),

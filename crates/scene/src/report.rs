@@ -76,6 +76,11 @@ impl Report {
         }
     }
 
+    /// True where an error has been told and no further fault will be kept: a reader may stop.
+    pub fn is_full(&self) -> bool {
+        self.faults.len() >= REPORT_LIMIT && self.has_errors()
+    }
+
     /// True where any fault is an error.
     pub fn has_errors(&self) -> bool {
         self.faults.iter().any(|f| f.severity == Severity::Error)

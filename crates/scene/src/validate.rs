@@ -82,7 +82,8 @@ impl Checker<'_> {
         // Relative to what the axes could span: a tiny but sound object is no fault.
         let m3 = Mat3::from_mat4(m).as_dmat3();
         let span_of_axes = m3.x_axis.length() * m3.y_axis.length() * m3.z_axis.length();
-        if !m.is_finite() || !(m3.determinant().abs() > 1e-12 * span_of_axes) {
+        let invertible = m3.determinant().abs() > 1e-12 * span_of_axes;
+        if !m.is_finite() || !invertible {
             self.report.error(span, "a transform is not finite or cannot be inverted");
         } else if m.row(3) != glam::Vec4::W {
             self.report.error(span, "a transform is not affine");
@@ -301,7 +302,7 @@ impl Checker<'_> {
                 }
                 LightDesc::Directional { direction, irradiance } => {
                     self.finite(span, irradiance, "a light's irradiance");
-                    if !((direction.length() - 1.0).abs() < 1e-3) {
+                    if !is_unit(*direction) {
                         self.report.error(span, "a light's direction must be a unit vector");
                     }
                 }
@@ -314,7 +315,7 @@ impl Checker<'_> {
                 LightDesc::SunSky(sky) => {
                     self.transform(span, sky.world_from_light);
                     self.finite(span, &[sky.turbidity, sky.sky_scale, sky.sun_scale, sky.sun_half_angle_rad], "a sky's parameter");
-                    if !((sky.sun_direction.length() - 1.0).abs() < 1e-3) {
+                    if !is_unit(sky.sun_direction) {
                         self.report.error(span, "the direction to the sun must be a unit vector");
                     }
                 }
@@ -378,6 +379,10 @@ pub fn picture_size(width: u32, height: u32) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+fn is_unit(v: glam::Vec3) -> bool {
+    (v.length() - 1.0).abs() < 1e-3
 }
 
 fn texture_of(color: Color) -> Option<u32> {

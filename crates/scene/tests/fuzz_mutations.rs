@@ -1,6 +1,8 @@
 //! Deterministic mutation of the seed corpus: no reader may panic, hang or reserve more memory than a file can justify.
 //!
-//! The same entry points have cargo-fuzz targets under `fuzz/`; this runs everywhere, in seconds.
+//! `ETENDUE_FUZZ_ROUNDS=1000000` runs longer. The same entry points have cargo-fuzz targets under `fuzz/`; this runs everywhere, in seconds.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
 
 mod support;
 
@@ -101,6 +103,7 @@ fn fuzz(kind: &str, seed: u64, rounds: usize, run: impl Fn(&[u8])) {
         }
         run(bytes);
     }
+    let rounds = std::env::var("ETENDUE_FUZZ_ROUNDS").ok().and_then(|n| n.parse().ok()).unwrap_or(rounds);
     let mut random = Random(seed);
     for _ in 0..rounds {
         let bytes = mutate(&mut random, &seeds);

@@ -1,5 +1,7 @@
 //! Mesh files: what is read, what is refused and where, and what a broken file may not do.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod support;
 
 use etendue_scene::desc::*;

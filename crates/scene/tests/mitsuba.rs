@@ -1,5 +1,7 @@
 //! The reader of Mitsuba files: what it makes of good files, and what it says of bad ones, with the place.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod support;
 
 use std::path::Path;
@@ -168,6 +170,18 @@ fn lights_are_turned_to_our_axes() {
 }
 
 #[test]
+fn spectra_are_read_from_files() {
+    let folder = TempFolder::new("spectrum");
+    folder.put("s.spd", "# nm value\n400 0.1\n500 0.2\n600 0.8\n700 0.9\n");
+    let path = folder
+        .put("s.xml", r#"<scene version="3.0.0"><bsdf type="diffuse"><spectrum name="reflectance" filename="s.spd"/></bsdf></scene>"#);
+    let desc = read(&path, &ReadOptions::default()).unwrap();
+    let BsdfDesc::Diffuse { reflectance: Param::Constant([r, g, b]), .. } = desc.bsdfs[0].value else { panic!() };
+    // Mitsuba 3.9 in its RGB mode.
+    assert!((r - 0.958689).abs() < 2e-3 && (g - 0.446356).abs() < 2e-3 && (b - 0.10571).abs() < 2e-3, "{r} {g} {b}");
+}
+
+#[test]
 fn groups_are_shared_by_instances() {
     let desc = good(
         r#"<shape type="shapegroup" id="g"><shape type="sphere"/><shape type="cube"/></shape>
@@ -316,6 +330,12 @@ fn hostile_texts_end_in_bounded_time() {
     }
     chain += "<bsdf type=\"diffuse\" id=\"b20000\"/>";
     assert!(faults(parse(&chain)).iter().any(|f| f.contains("nested more than")));
+    // Many ids, many references to none of them; many shapes in a group.
+    let ids: String = (0..50_000).map(|i| format!("<bsdf type=\"diffuse\" id=\"material_{i}\"/>\n")).collect();
+    let references: String = (0..50_000).map(|i| format!("<shape type=\"sphere\"><ref id=\"matrial_{i}\"/></shape>\n")).collect();
+    assert_eq!(faults(parse(&(ids + &references))).len(), 1000);
+    let group = format!("<shape type=\"shapegroup\" id=\"g\">{}</shape>", "<shape type=\"sphere\"/>\n".repeat(100_000));
+    assert_eq!(good(&group).groups[0].value.shapes.len(), 100_000);
     // One long line with many faults.
     let many = "<bsdf type=\"x\"/>".repeat(50_000);
     assert_eq!(faults(parse(&many)).len(), 1000);

@@ -1,5 +1,7 @@
 //! Writing a scene and reading it again gives the same scene.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 mod support;
 
 use etendue_scene::desc::*;

@@ -1,5 +1,7 @@
 //! Real scenes that are no part of the project; skipped aloud where they are not beside it.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout)]
+
 use std::path::PathBuf;
 
 use etendue_scene::formats::{ReadOptions, read};

@@ -138,6 +138,7 @@ impl Blas {
                 best.offer(h.t, h.u, h.v, self.shapes.first + i);
             }
         }
+        #[cfg(target_arch = "x86_64")]
         let Ray { o, d, .. } = *ray;
         // SAFETY: `isa` comes from detection, and the root and arena from one build.
         unsafe {
@@ -158,6 +159,7 @@ impl Blas {
         if self.unbounded.iter().any(hit) {
             return true;
         }
+        #[cfg(target_arch = "x86_64")]
         let Ray { o, d, .. } = *ray;
         // SAFETY: as above.
         unsafe {

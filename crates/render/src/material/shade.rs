@@ -29,7 +29,12 @@ impl Material {
     /// The models at a surface point seen from `wo` (world space).
     pub fn shade(&self, scene: &Scene, s: &Surface, wo: Vec3) -> Scatter {
         let mut scatter = Scatter::default();
-        let cursor = Cursor { weight: 1.0, frame: s.frame, base_normal: None, depth: 0 };
+        let mut frame = s.frame;
+        if s.ng.dot(wo) * frame.n.dot(wo) <= 0.0 {
+            // Interpolated normals turn away from the viewer near silhouettes, where the surface does not.
+            frame = Frame::from_normal_tangent(frames::keep_side(frame.n, s.ng, wo), frame.s);
+        }
+        let cursor = Cursor { weight: 1.0, frame, base_normal: None, depth: 0 };
         self.descend(scene, s, wo, cursor, &mut scatter);
         scatter
     }

@@ -36,7 +36,7 @@ pub struct ReadOptions {
 /// [`ReadError`] with every fault that was found.
 pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> {
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    let mut desc = match extension.as_str() {
+    let desc = match extension.as_str() {
         "xml" => mitsuba::read(path, options)?,
         "gltf" | "glb" => gltf::read(path, options)?,
         "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
@@ -45,6 +45,15 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
             return Err(ReadError::Unsupported { path: path.to_owned(), reason });
         }
     };
+    finish(desc)
+}
+
+/// What every description goes through after its reader: loads its meshes, adds a camera and a light where it has none, and checks it. For
+/// descriptions that did not come through [`read`], such as those of [`mitsuba::from_tree`].
+///
+/// # Errors
+/// [`ReadError::Invalid`] with every fault that was found.
+pub fn finish(mut desc: SceneDesc) -> Result<SceneDesc, ReadError> {
     crate::passes::load_meshes(&mut desc)?;
     crate::passes::complete(&mut desc);
     crate::validate::validate(&mut desc)?;

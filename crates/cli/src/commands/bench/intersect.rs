@@ -251,3 +251,42 @@ fn thread_cpu_secs() -> f64 {
 fn process_cpu_secs() -> f64 {
     thread_cpu_secs()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plan(line: &str) -> anyhow::Result<Plan> {
+        parse(line.split_whitespace().map(OsString::from).collect())
+    }
+
+    #[test]
+    fn the_protocol_s_command_line_is_understood() {
+        let p =
+            plan("closest m.tri a.rays --threads 2 --repeat 5 --out a.hits --then any b.rays --then closest c.rays --out c.hits").unwrap();
+        assert_eq!((p.threads, p.repeat, p.jobs.len()), (2, 5, 3));
+        let outs: Vec<_> = p.jobs.iter().map(|j| (j.mode == Mode::Any, j.out.clone())).collect();
+        assert_eq!(outs, [(false, Some("a.hits".into())), (true, None), (false, Some("c.hits".into()))]);
+    }
+
+    #[test]
+    fn wrong_command_lines_are_refused() {
+        for line in
+            ["", "closest", "closest m", "first m r", "any m r --threads 0", "any m r --threads", "any m r --then any", "any m r --fast"]
+        {
+            assert!(plan(line).is_err(), "{line}");
+        }
+    }
+
+    #[test]
+    fn truncated_files_are_refused() {
+        let path = std::env::temp_dir().join(format!("etendue-bench-{}.rays", std::process::id()));
+        for (bytes, good) in
+            [(vec![], false), (vec![1, 0, 0, 0, 9], false), (vec![255; 40], false), ([&[1, 0, 0, 0][..], &[0; 32]].concat(), true)]
+        {
+            std::fs::write(&path, bytes).unwrap();
+            assert_eq!(read_records::<32>(&path).is_ok(), good);
+        }
+        std::fs::remove_file(&path).unwrap();
+    }
+}

@@ -20,6 +20,9 @@ use crate::span::{FileId, Span};
 /// The most vertices or triangles of a mesh: indices have 32 bits.
 pub const COUNT_LIMIT: u64 = u32::MAX as u64;
 
+/// Most meshes that are read of one `.serialized` file opened as a scene.
+const SERIALIZED_LIMIT: u32 = 10_000;
+
 /// Why a mesh file cannot be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
@@ -124,8 +127,18 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
     let canonical: PathBuf = path.canonicalize().map_err(|source| ReadError::Io { path: path.to_owned(), source })?;
     let mut desc = SceneDesc::new(&extension, path);
     let span = Span::file(FileId(0));
-    let mesh = desc.add(Node::new(span, MeshDesc { file: Some((canonical, format, 0)), flip_v: false, data: None }));
-    let geometry = GeometryDesc::Mesh { mesh, face_normals: false, smooth: false };
-    desc.add(Node::new(span, ShapeDesc::new(geometry, Mat4::IDENTITY)));
+    let count = match format {
+        MeshFormat::MitsubaSerialized => {
+            let bytes = Resolver::read(&canonical)
+                .map_err(|e| ReadError::Io { path: path.to_owned(), source: std::io::Error::other(e.to_string()) })?;
+            serialized::count(&bytes).clamp(1, SERIALIZED_LIMIT)
+        }
+        _ => 1,
+    };
+    for index in 0..count {
+        let mesh = desc.add(Node::new(span, MeshDesc { file: Some((canonical.clone(), format, index)), flip_v: false, data: None }));
+        let geometry = GeometryDesc::Mesh { mesh, face_normals: false, smooth: false };
+        desc.add(Node::new(span, ShapeDesc::new(geometry, Mat4::IDENTITY)));
+    }
     Ok(desc)
 }

@@ -16,6 +16,14 @@ const DOUBLE: u32 = 0x2000;
 /// zlib cannot shrink data further than this.
 const LARGEST_RATIO: u64 = 1032;
 
+/// Most numbers for which memory is reserved before they are there.
+const RESERVE_LIMIT: u64 = 1 << 22;
+
+/// How many meshes a file says that it holds; 0 where it is too short to say.
+pub fn count(bytes: &[u8]) -> u32 {
+    bytes.last_chunk::<4>().map_or(0, |b| u32::from_le_bytes(*b))
+}
+
 /// Reads the mesh of a number, from 0.
 ///
 /// # Errors
@@ -80,7 +88,7 @@ impl Stream<'_> {
         if count.saturating_mul(size) > self.limit {
             return Err(MeshFault::binary(format!("mesh {}: {count} numbers cannot be in this file", self.index)));
         }
-        let mut out = Vec::with_capacity(count as usize);
+        let mut out = Vec::with_capacity(count.min(RESERVE_LIMIT) as usize);
         let mut chunk = vec![0u8; 1 << 16];
         let mut left = (count * size) as usize;
         while left > 0 {

@@ -143,31 +143,6 @@ const PLUGINS: &[(Kind, &[&str])] = &[
     (Kind::Sampler, &["independent", "stratified", "multijitter", "orthogonal", "ldsampler", "halton", "hammersley", "sobol"]),
     (Kind::Rfilter, &["box", "tent", "gaussian", "mitchell", "catmullrom", "lanczos"]),
     (
-        Kind::Shape,
-        &[
-            "obj",
-            "ply",
-            "serialized",
-            "stl",
-            "sphere",
-            "cylinder",
-            "disk",
-            "rectangle",
-            "cube",
-            "shapegroup",
-            "instance",
-            "merge",
-            "heightfield",
-            "hair",
-            "bsplinecurve",
-            "linearcurve",
-            "sdfgrid",
-            "ellipsoids",
-            "ellipsoidsmesh",
-            "blender",
-        ],
-    ),
-    (
         Kind::Bsdf,
         &[
             "diffuse",
@@ -203,6 +178,31 @@ const PLUGINS: &[(Kind, &[&str])] = &[
             "retarder",
             "circular",
             "hair",
+        ],
+    ),
+    (
+        Kind::Shape,
+        &[
+            "obj",
+            "ply",
+            "serialized",
+            "stl",
+            "sphere",
+            "cylinder",
+            "disk",
+            "rectangle",
+            "cube",
+            "shapegroup",
+            "instance",
+            "merge",
+            "heightfield",
+            "hair",
+            "bsplinecurve",
+            "linearcurve",
+            "sdfgrid",
+            "ellipsoids",
+            "ellipsoidsmesh",
+            "blender",
         ],
     ),
     (
@@ -394,7 +394,8 @@ mod tests {
         let n = all.len();
         all.sort_unstable();
         all.dedup();
-        // `hair` is a shape of 0.6 and a BSDF of 3; a dictionary means the BSDF of 3 only with its own tag.
+        // `hair` is a shape of 0.6 and a BSDF of 3; a dictionary, which has no tags, means the latter.
+        assert_eq!(Kind::of_type("hair"), Some(Kind::Bsdf));
         assert_eq!(n - all.len(), 1);
     }
 }

@@ -27,7 +27,7 @@ pub fn snake_case(name: &str) -> String {
 pub fn plugin(plugin: &mut Plugin) {
     match plugin.kind {
         Kind::Texture => {
-            rename_type(plugin, &[("ldrtexture", "bitmap"), ("gridtexture", "checkerboard"), ("vertexcolors", "mesh_attribute")]);
+            rename_type(plugin, &[("ldrtexture", "bitmap"), ("vertexcolors", "mesh_attribute")]);
             uv_transform(plugin);
         }
         Kind::Bsdf => {

@@ -11,7 +11,7 @@ mod texture;
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use props::{Props, describe};
+use props::{Cursor, Props, describe};
 
 use super::tree::{Kind, Plugin, Property, Tree, Value, suggestion};
 use crate::desc::{BsdfId, EmissionDesc, GroupId, ImageId, MediumId, MeshFormat, MeshId, Param, SceneDesc};
@@ -20,6 +20,9 @@ use crate::span::Span;
 
 /// Deepest nesting of plugins through references.
 const DEPTH_LIMIT: usize = 100;
+
+/// Most ids that a misspelled one is compared with.
+const SUGGESTION_LIMIT: usize = 1000;
 
 /// What a parameter built from a plugin once and for all.
 type Memo<T> = HashMap<*const Plugin, Option<T>>;
@@ -82,6 +85,10 @@ impl<'t> Builder<'t> {
         }
         let mut integrator = None;
         for property in &tree.root.params {
+            // Nobody reads more, and each costs time.
+            if self.desc.report.is_full() {
+                break;
+            }
             let Some(plugin) = self.resolve(property) else {
                 if !matches!(property.value, Value::Reference(_)) {
                     let message = format!("`{}` ({}) directly in the scene means nothing", property.name, property.value.kind_name());
@@ -136,7 +143,9 @@ impl<'t> Builder<'t> {
     }
 
     fn undefined(&mut self, id: &str, span: Span) {
-        let hint = suggestion(id, self.ids.keys().copied());
+        // Comparing is slow; after some faults there is probably one reason for all.
+        let candidates = if self.desc.report.faults.len() < 20 { SUGGESTION_LIMIT } else { 0 };
+        let hint = suggestion(id, self.ids.keys().copied().take(candidates));
         self.desc.report.error(span, format!("nothing has the id `{id}`{hint}"));
     }
 
@@ -166,13 +175,15 @@ impl<'t> Builder<'t> {
 
     /// The next nested plugin of a kind that is not used yet.
     fn next_of(&mut self, p: &mut Props<'t>, kind: Kind) -> Option<&'t Plugin> {
-        let property = p.next_object(|q| self.kind_of(q) == Some(kind))?;
+        let property = p.next_object(Cursor::of(kind), |q| self.kind_of(q) == Some(kind))?;
         self.resolve(property)
     }
 
     /// Reports undefined references among the parameters that are left, which would otherwise read as misplaced.
     fn finish(&mut self, mut p: Props<'t>) {
-        while let Some(property) = p.next_object(|q| matches!(&q.value, Value::Reference(id) if !self.ids.contains_key(id.as_str()))) {
+        while let Some(property) =
+            p.next_object(Cursor::UNDEFINED, |q| matches!(&q.value, Value::Reference(id) if !self.ids.contains_key(id.as_str())))
+        {
             if let Value::Reference(id) = &property.value {
                 self.undefined(id, property.span);
             }

@@ -6,11 +6,25 @@ use crate::formats::mitsuba::tree::{Kind, Plugin, Property, Value, suggestion};
 use crate::report::Report;
 use crate::span::Span;
 
+/// Which walk over the nested plugins goes on.
+pub struct Cursor(usize);
+
+impl Cursor {
+    /// Over the undefined references.
+    pub const UNDEFINED: Self = Self(13);
+
+    /// Over the plugins of a kind.
+    pub fn of(kind: Kind) -> Self {
+        Self(kind as usize)
+    }
+}
+
 /// Parameters of a plugin.
 pub struct Props<'t> {
     /// The plugin.
     pub plugin: &'t Plugin,
     used: Vec<bool>,
+    cursors: [usize; 14],
     asked: Vec<&'static str>,
     faults: Vec<(Span, String)>,
     losses: Vec<(Span, String)>,
@@ -19,7 +33,7 @@ pub struct Props<'t> {
 impl<'t> Props<'t> {
     /// Nothing asked for yet.
     pub fn new(plugin: &'t Plugin) -> Self {
-        Self { plugin, used: vec![false; plugin.params.len()], asked: Vec::new(), faults: Vec::new(), losses: Vec::new() }
+        Self { plugin, used: vec![false; plugin.params.len()], cursors: [0; 14], asked: Vec::new(), faults: Vec::new(), losses: Vec::new() }
     }
 
     /// The parameter of a name, if the plugin has it.
@@ -35,16 +49,20 @@ impl<'t> Props<'t> {
         self.plugin.params.iter().any(|p| p.name == name)
     }
 
-    /// The first nested plugin or reference that `want` accepts and nobody has asked for.
-    pub fn next_object(&mut self, mut want: impl FnMut(&Property) -> bool) -> Option<&'t Property> {
-        let i = self
-            .plugin
-            .params
-            .iter()
-            .enumerate()
-            .position(|(i, p)| !self.used[i] && matches!(p.value, Value::Plugin(_) | Value::Reference(_)) && want(p))?;
-        self.used[i] = true;
-        Some(&self.plugin.params[i])
+    /// The first nested plugin or reference that `want` accepts and nobody has asked for. `cursor` says where to go on looking: what lies
+    /// before it is known not to be wanted, so that a long list is walked once.
+    pub fn next_object(&mut self, cursor: Cursor, mut want: impl FnMut(&Property) -> bool) -> Option<&'t Property> {
+        let cursor = cursor.0;
+        while self.cursors[cursor] < self.plugin.params.len() {
+            let i = self.cursors[cursor];
+            self.cursors[cursor] += 1;
+            let p = &self.plugin.params[i];
+            if !self.used[i] && matches!(p.value, Value::Plugin(_) | Value::Reference(_)) && want(p) {
+                self.used[i] = true;
+                return Some(p);
+            }
+        }
+        None
     }
 
     /// Reports a fault at a parameter.
@@ -192,7 +210,8 @@ impl<'t> Props<'t> {
         let m3 = DMat3::from_mat4(matrix);
         let span = m3.x_axis.length() * m3.y_axis.length() * m3.z_axis.length();
         let single = matrix.as_mat4();
-        if !single.is_finite() || !(m3.determinant().abs() > 1e-10 * span) {
+        let invertible = m3.determinant().abs() > 1e-10 * span;
+        if !single.is_finite() || !invertible {
             self.fault_at(name, format!("`{name}` cannot be inverted"));
             return Mat4::IDENTITY;
         }

@@ -5,7 +5,7 @@ use glam::{Mat4, Vec3};
 use super::Builder;
 use super::props::{Props, describe};
 use crate::desc::{
-    AddNode, EmissionDesc, GeometryDesc, GroupDesc, GroupId, InstanceDesc, MediumId, MeshDesc, MeshFormat, Node, ShapeDesc, ShapeId,
+    AddNode, Color, EmissionDesc, GeometryDesc, GroupDesc, GroupId, InstanceDesc, MediumId, MeshDesc, MeshFormat, Node, ShapeDesc, ShapeId,
 };
 use crate::formats::mitsuba::spectrum::Quantity;
 use crate::formats::mitsuba::tree::{Kind, Plugin};
@@ -148,13 +148,10 @@ impl<'t> Builder<'t> {
             return None;
         }
         let mut p = Props::new(plugin);
-        let radiance = self.opt_color(&mut p, "radiance", Quantity::Emission);
-        if radiance.is_none() && !p.has("radiance") {
-            p.fault(plugin.span, "`radiance` is missing");
-        }
+        let radiance = self.opt_color(&mut p, "radiance", Quantity::Emission).unwrap_or(Color::gray(1.0));
         p.ignore(&["sampling_weight", "to_world"]);
         self.finish(p);
-        Some(EmissionDesc { radiance: radiance?, two_sided: false, group: String::new() })
+        Some(EmissionDesc { radiance, two_sided: false, group: String::new() })
     }
 
     fn group(&mut self, plugin: &'t Plugin) -> Option<GroupId> {

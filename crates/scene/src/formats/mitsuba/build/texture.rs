@@ -121,7 +121,6 @@ impl<'t> Builder<'t> {
             "checkerboard" => {
                 let color0 = self.opt_color(&mut p, "color0", quantity).unwrap_or(Color::gray(0.4));
                 let color1 = self.opt_color(&mut p, "color1", quantity).unwrap_or(Color::gray(0.2));
-                p.ignore(&["line_width"]);
                 Some(self.add_texture(plugin, TextureDesc::Checkerboard { color0, color1, pattern_from_uv: p.uv_transform("to_uv") }))
             }
             "mesh_attribute" | "vertexcolors" => {

@@ -68,7 +68,9 @@ impl Writer<'_> {
                     self.xml.float("aperture_radius", *aperture_radius);
                 }
                 self.xml.float("focus_distance", *focus_distance);
-                if *x != 0.0 || *y != 0.0 {
+                if (*x != 0.0 || *y != 0.0) && lens {
+                    self.lose(span, "shifted picture of a thin lens", "not shifted");
+                } else if *x != 0.0 || *y != 0.0 {
                     self.xml.float("principal_point_offset_x", *x);
                     self.xml.float("principal_point_offset_y", *y);
                 }

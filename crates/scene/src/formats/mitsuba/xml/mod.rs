@@ -1,9 +1,11 @@
 //! XML → plugin tree: defaults, `$key`, includes, aliases, values and transforms.
 
+mod transform;
+mod values;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use glam::{DMat3, DMat4, DVec3, DVec4};
 use roxmltree::Node;
 
 use super::tree::{Kind, Plugin, Property, Tree, Value, suggestion};
@@ -22,6 +24,8 @@ const INCLUDE_LIMIT: usize = 1000;
 const NODE_LIMIT: usize = 8_000_000;
 /// Largest XML file in bytes.
 const XML_SIZE_LIMIT: u64 = 512 << 20;
+/// Largest file of a spectrum in bytes.
+const SPECTRUM_SIZE_LIMIT: u64 = 1 << 20;
 /// Longest text that `$key` may grow a value to.
 const VALUE_LIMIT: usize = 16 << 20;
 
@@ -205,6 +209,10 @@ impl<'a> XmlReader<'a> {
     }
 
     fn child(&mut self, cx: &mut Context, node: Node, parent: &mut Plugin, depth: usize) {
+        // Nobody reads more, and each costs time.
+        if self.report.is_full() {
+            return;
+        }
         let tag = node.tag_name().name();
         let span = cx.cursor.at(node.range().start, cx.file);
         let is_spectrum_value = tag == "spectrum" && !node.has_attribute("type");
@@ -257,13 +265,26 @@ impl<'a> XmlReader<'a> {
             }
             "float" | "integer" | "boolean" | "string" | "point" | "vector" | "rgb" | "srgb" | "spectrum" | "blackbody" => {
                 let name = self.required(node, "name", span);
-                let value = self.value(node, tag, span);
+                let value = if tag == "spectrum" && node.has_attribute("filename") {
+                    self.spectrum_file(cx, node, span)
+                } else {
+                    self.value(node, tag, span)
+                };
                 for inner in node.children().filter(Node::is_element) {
                     let at = cx.cursor.at(inner.range().start, cx.file);
                     self.report.error(at, format!("<{}> inside <{tag}>", inner.tag_name().name()));
                 }
                 if let (Some(name), Some(value)) = (name, value) {
                     self.push(parent, name, value, span, cx.old);
+                }
+            }
+            "subsurface" if cx.old => self.report.loss(span, "<subsurface>", "ignored"),
+            "animation" if cx.old => {
+                self.report.loss(span, "<animation>", "its first transform");
+                let name = self.required(node, "name", span);
+                let first = node.children().find(|c| c.has_tag_name("transform"));
+                if let (Some(name), Some(matrix)) = (name, first.and_then(|first| self.transform(cx, first))) {
+                    self.push(parent, name, Value::Transform(matrix), span, cx.old);
                 }
             }
             _ => {
@@ -275,7 +296,7 @@ impl<'a> XmlReader<'a> {
 
     fn push(&mut self, parent: &mut Plugin, name: String, value: Value, span: Span, old: bool) {
         let name = if old { upgrade::snake_case(&name) } else { name };
-        if !name.is_empty() && parent.kind != Kind::Scene && parent.params.iter().rev().take(1000).any(|p| p.name == name) {
+        if !name.is_empty() && parent.kind != Kind::Scene && parent.params.iter().rev().take(256).any(|p| p.name == name) {
             self.report.error(span, format!("`{name}` is given twice"));
             return;
         }
@@ -339,7 +360,7 @@ impl<'a> XmlReader<'a> {
                     rest = &rest[key.len()..];
                 }
                 None => {
-                    let hint = suggestion(&rest[..word], self.defines.keys().map(String::as_str));
+                    let hint = suggestion(&rest[..word], self.defines.keys().map(String::as_str).take(1000));
                     self.report.error(span, format!("`${}` is not defined{hint}", &rest[..word]));
                     return None;
                 }
@@ -369,213 +390,6 @@ impl<'a> XmlReader<'a> {
             if !known.contains(&attribute.name()) {
                 let hint = suggestion(attribute.name(), known.iter().copied());
                 self.report.error(span, format!("<{}> has no attribute `{}`{hint}", node.tag_name().name(), attribute.name()));
-            }
-        }
-    }
-
-    fn value(&mut self, node: Node, tag: &str, span: Span) -> Option<Value> {
-        match tag {
-            "point" | "vector" => {
-                self.check_attributes(node, span, &["name", "value", "x", "y", "z"]);
-                return self.xyz(node, span, DVec3::ZERO).map(Value::Vector);
-            }
-            "spectrum" => self.check_attributes(node, span, &["name", "value", "filename", "intent"]),
-            "rgb" | "srgb" => self.check_attributes(node, span, &["name", "value", "intent"]),
-            "blackbody" => self.check_attributes(node, span, &["name", "temperature", "scale"]),
-            _ => self.check_attributes(node, span, &["name", "value"]),
-        }
-        if tag == "blackbody" {
-            let temperature = self.required(node, "temperature", span)?;
-            let kelvin = temperature.trim().trim_end_matches(['K', 'k']).to_owned();
-            let kelvin = self.number(&kelvin, span)?;
-            let scale = self.attribute(node, "scale", span);
-            let scale = if scale.is_empty() { 1.0 } else { self.number(&scale, span)? };
-            return Some(Value::Spectrum(super::spectrum::blackbody(kelvin, scale)));
-        }
-        let text = self.required(node, "value", span)?;
-        let trimmed = text.trim();
-        let bad = |reader: &mut Self, what: &str| {
-            reader.report.error(span, format!("`{}` is not {what}", shorten(trimmed)));
-            None
-        };
-        match tag {
-            "float" => self.number(trimmed, span).map(Value::Float),
-            "integer" => match trimmed.parse::<i64>() {
-                Ok(v) => Some(Value::Int(v)),
-                Err(_) => bad(self, "an integer"),
-            },
-            "boolean" => match trimmed.to_ascii_lowercase().as_str() {
-                "true" => Some(Value::Bool(true)),
-                "false" => Some(Value::Bool(false)),
-                _ => bad(self, "true or false"),
-            },
-            "string" => Some(Value::Text(text)),
-            "rgb" | "srgb" => {
-                if let Some(hex) = trimmed.strip_prefix('#') {
-                    return match parse_hex(hex) {
-                        Some(color) => Some(Value::Rgb(color)),
-                        None => bad(self, "a color such as #rrggbb"),
-                    };
-                }
-                let decode = |v: f64| if tag == "srgb" { super::spectrum::linear_from_srgb(v) } else { v };
-                match self.numbers(trimmed, span)?[..] {
-                    [v] => Some(Value::Rgb(DVec3::splat(decode(v)))),
-                    [r, g, b] => Some(Value::Rgb(DVec3::new(decode(r), decode(g), decode(b)))),
-                    _ => bad(self, "a color of one or three numbers"),
-                }
-            }
-            _ => self.spectrum(trimmed, span),
-        }
-    }
-
-    fn spectrum(&mut self, text: &str, span: Span) -> Option<Value> {
-        if !text.contains(':') {
-            return match self.numbers(text, span)?[..] {
-                [v] => Some(Value::Uniform(v)),
-                // 0.6 took three numbers as a color.
-                [r, g, b] => Some(Value::Rgb(DVec3::new(r, g, b))),
-                _ => {
-                    self.report.error(span, format!("`{}` is not a number or a list of wavelength:value", shorten(text)));
-                    None
-                }
-            };
-        }
-        let mut list = Vec::new();
-        for pair in text.split(|c: char| c == ',' || c.is_whitespace()).filter(|t| !t.is_empty()) {
-            let Some((wavelength, value)) = pair.split_once(':') else {
-                self.report.error(span, format!("`{}` is not wavelength:value", shorten(pair)));
-                return None;
-            };
-            list.push((self.number(wavelength, span)?, self.number(value, span)?));
-        }
-        if !list.is_sorted_by(|a, b| a.0 < b.0) {
-            self.report.error(span, "wavelengths must rise");
-            return None;
-        }
-        Some(Value::Spectrum(list))
-    }
-
-    fn number(&mut self, text: &str, span: Span) -> Option<f64> {
-        match text.trim().parse::<f64>() {
-            Ok(v) if v.is_finite() => Some(v),
-            Ok(_) => {
-                self.report.error(span, format!("`{}` is not a finite number", shorten(text)));
-                None
-            }
-            Err(_) => {
-                self.report.error(span, format!("`{}` is not a number", shorten(text)));
-                None
-            }
-        }
-    }
-
-    fn numbers(&mut self, text: &str, span: Span) -> Option<Vec<f64>> {
-        text.split(|c: char| c == ',' || c.is_whitespace()).filter(|t| !t.is_empty()).map(|t| self.number(t, span)).collect()
-    }
-
-    /// Three numbers from `value` (one or three) or from `x`, `y`, `z`.
-    fn xyz(&mut self, node: Node, span: Span, default: DVec3) -> Option<DVec3> {
-        if node.has_attribute("value") {
-            let text = self.attribute(node, "value", span);
-            return match self.numbers(&text, span)?[..] {
-                [v] => Some(DVec3::splat(v)),
-                [x, y, z] => Some(DVec3::new(x, y, z)),
-                _ => {
-                    self.report.error(span, format!("`{}` is not one or three numbers", shorten(&text)));
-                    None
-                }
-            };
-        }
-        let mut v = default;
-        for (i, name) in ["x", "y", "z"].into_iter().enumerate() {
-            if node.has_attribute(name) {
-                let text = self.attribute(node, name, span);
-                v[i] = self.number(&text, span)?;
-            }
-        }
-        Some(v)
-    }
-
-    /// The product of a transform's steps; the first step acts first.
-    fn transform(&mut self, cx: &mut Context, node: Node) -> Option<DMat4> {
-        let mut matrix = DMat4::IDENTITY;
-        let mut good = true;
-        for step in node.children().filter(Node::is_element) {
-            let span = cx.cursor.at(step.range().start, cx.file);
-            match self.step(step, span, cx.old) {
-                Some(m) => matrix = m * matrix,
-                None => good = false,
-            }
-        }
-        good.then_some(matrix)
-    }
-
-    fn step(&mut self, node: Node, span: Span, old: bool) -> Option<DMat4> {
-        let tag = node.tag_name().name();
-        match tag {
-            "translate" => {
-                self.check_attributes(node, span, &["x", "y", "z", "value"]);
-                Some(DMat4::from_translation(self.xyz(node, span, DVec3::ZERO)?))
-            }
-            "scale" => {
-                self.check_attributes(node, span, &["x", "y", "z", "value"]);
-                Some(DMat4::from_scale(self.xyz(node, span, DVec3::ONE)?))
-            }
-            "rotate" => {
-                self.check_attributes(node, span, &["x", "y", "z", "value", "angle"]);
-                let axis = self.xyz(node, span, DVec3::ZERO)?;
-                let angle = self.required(node, "angle", span)?;
-                let angle = self.number(&angle, span)?;
-                match axis.try_normalize() {
-                    Some(axis) => Some(DMat4::from_axis_angle(axis, angle.to_radians())),
-                    None => {
-                        self.report.error(span, "<rotate> needs an axis");
-                        None
-                    }
-                }
-            }
-            "matrix" => {
-                self.check_attributes(node, span, &["value"]);
-                let text = self.required(node, "value", span)?;
-                let v = self.numbers(&text, span)?;
-                match v.len() {
-                    16 => Some(DMat4::from_cols_slice(&v).transpose()),
-                    9 => Some(DMat4::from_mat3(DMat3::from_cols_slice(&v).transpose())),
-                    n => {
-                        self.report.error(span, format!("<matrix> takes 9 or 16 numbers, not {n}"));
-                        None
-                    }
-                }
-            }
-            "lookat" | "lookAt" => {
-                if tag == "lookAt" && !old {
-                    self.report.error(span, "unknown transform <lookAt> (did you mean `lookat`?)");
-                    return None;
-                }
-                self.check_attributes(node, span, &["origin", "target", "up"]);
-                let mut point = |name: &str| -> Option<DVec3> {
-                    let text = self.required(node, name, span)?;
-                    match self.numbers(&text, span)?[..] {
-                        [x, y, z] => Some(DVec3::new(x, y, z)),
-                        _ => {
-                            self.report.error(span, format!("`{}` is not a point of three numbers", shorten(&text)));
-                            None
-                        }
-                    }
-                };
-                let origin = point("origin")?;
-                let target = point("target")?;
-                let up = if node.has_attribute("up") { point("up")? } else { DVec3::ZERO };
-                let matrix = look_at(origin, target, up);
-                if matrix.is_none() {
-                    self.report.error(span, "<lookat> needs a target away from its origin and an up vector across the line to it");
-                }
-                matrix
-            }
-            _ => {
-                let hint = suggestion(tag, ["translate", "scale", "rotate", "matrix", "lookat"]);
-                self.report.error(span, format!("unknown transform <{tag}>{hint}"));
-                None
             }
         }
     }
@@ -610,31 +424,6 @@ const TAGS: &[&str] = &[
     "vector",
     "rgb",
 ];
-
-/// Mitsuba's camera frame: +z to the target, +x to the left, +y up. `None` where the vectors span no frame.
-pub fn look_at(origin: DVec3, target: DVec3, up: DVec3) -> Option<DMat4> {
-    let forward = (target - origin).try_normalize()?;
-    // Without an up vector Mitsuba takes any that fits.
-    let up = if up == DVec3::ZERO { forward.any_orthonormal_vector() } else { up };
-    let left = up.cross(forward).try_normalize()?;
-    let up = forward.cross(left);
-    let column = |v: DVec3| DVec4::new(v.x, v.y, v.z, 0.0);
-    Some(DMat4::from_cols(column(left), column(up), column(forward), DVec4::new(origin.x, origin.y, origin.z, 1.0)))
-}
-
-fn parse_hex(hex: &str) -> Option<DVec3> {
-    if hex.len() != 6 || !hex.is_ascii() {
-        return None;
-    }
-    let channel =
-        |i: usize| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok().map(|v| super::spectrum::linear_from_srgb(f64::from(v) / 255.0));
-    Some(DVec3::new(channel(0)?, channel(1)?, channel(2)?))
-}
-
-/// A text short enough for a message.
-fn shorten(text: &str) -> String {
-    if text.chars().count() <= 60 { text.to_owned() } else { text.chars().take(57).chain("...".chars()).collect() }
-}
 
 /// The XML parser's message without the position that it appends.
 fn message_of(e: &roxmltree::Error) -> String {
