@@ -36,6 +36,8 @@ enum Command {
     Compare(commands::compare::Args),
     /// Add up films of different samples of one picture, exactly.
     Merge(commands::merge::Args),
+    /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
+    Denoise(commands::denoise::Args),
 }
 
 /// Runs the command line and returns the process's exit code ([`exit`]).
@@ -56,6 +58,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
         Command::Merge(args) => commands::merge::run(args),
+        Command::Denoise(args) => commands::denoise::run(args),
     };
     result.unwrap_or_else(|e| {
         commands::note(&format!("etendue: error: {e:#}"));

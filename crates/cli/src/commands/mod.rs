@@ -4,6 +4,7 @@ pub mod bench;
 pub mod compare;
 pub mod convert;
 pub mod info;
+pub mod denoise;
 pub mod merge;
 pub mod render;
 

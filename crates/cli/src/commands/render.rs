@@ -5,9 +5,10 @@ use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use etendue_render::denoise::{DenoiseError, DenoiseOptions, Denoiser};
 use etendue_render::film::{DevelopOptions, Film};
 use etendue_render::image::tonemap::{ToneMap, ToneOperator};
-use etendue_render::image::{FileFormat, WriteOptions};
+use etendue_render::image::{FileFormat, Image, WriteOptions};
 use etendue_render::session::job::{self, JobError, Plan};
 use etendue_render::session::{Aov, Cancel, Observer, Reason, Session, Status, Stop};
 use etendue_scene::SceneDesc;
@@ -77,6 +78,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let outputs = outputs(&args)?;
     let tone_map = tone_map(&args)?;
     let (aovs, develop) = aovs(&args.aov, args.denoise)?;
+    // A library that is missing is better known before the work.
+    let denoiser = if args.denoise { Some(Denoiser::load().map_err(|e| coded(exit::FAILURE, e))?) } else { None };
+    let denoise = denoiser.as_ref().map(|d| (d, DenoiseOptions { threads: args.threads, ..DenoiseOptions::default() }));
     let settings = &args.settings.0;
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("the threads could not be started")?;
     let start = Instant::now();
@@ -120,8 +124,15 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if let Some(path) = &args.checkpoint {
         film.save(path).with_context(|| format!("{}", path.display()))?;
     }
+    let has_pictures = outputs.iter().any(|(_, format)| format.is_some());
+    let picture = has_pictures.then(|| self::develop(film, develop, denoise.as_ref()));
+    let options = WriteOptions { tone: tone_map, ..WriteOptions::default() };
     for (path, format) in &outputs {
-        write(film, path, *format, &develop, tone_map, args.denoise).with_context(|| format!("{}", path.display()))?;
+        let context = || format!("{}", path.display());
+        match &picture {
+            Some((image, _)) if format.is_some() => image.save(path, &options).with_context(context)?,
+            _ => film.save(path).with_context(context)?,
+        }
         if !args.quiet {
             let spp = film.max_sample_count();
             let (size, time) = (film.rect(), progress::human(elapsed));
@@ -134,6 +145,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
                 progress::human(loaded)
             ));
         }
+    }
+    if let Some((_, Some(failure))) = picture {
+        return Err(coded(exit::FAILURE, format!("{failure}; the picture has been written with its noise")));
     }
     let counters = film.counters();
     if counters.non_finite > 0 && !args.quiet {
@@ -224,25 +238,12 @@ fn resume(args: &Args, session: &mut Session) -> anyhow::Result<()> {
     session.resume(&film).map_err(|e| coded(exit::INVALID, format!("{}: {e}", path.display())))
 }
 
-fn write(
-    film: &Film,
-    path: &Path,
-    format: Option<FileFormat>,
-    develop: &DevelopOptions,
-    tone_map: ToneMap,
-    denoise: bool,
-) -> anyhow::Result<()> {
-    if format.is_none() {
-        film.save(path)?;
-        return Ok(());
-    }
-    let mut image = film.develop_with(*develop);
-    if denoise {
-        etendue_render::denoise::denoise(&mut image).map_err(|e| coded(exit::FAILURE, e))?;
-    }
-    let options = WriteOptions { tone: tone_map, ..WriteOptions::default() };
-    image.save(path, &options)?;
-    Ok(())
+/// The film's picture, without noise where asked for. A failure of the denoiser must not cost the rendering: the noisy
+/// picture comes back with it.
+fn develop(film: &Film, develop: DevelopOptions, denoise: Option<&(&Denoiser, DenoiseOptions)>) -> (Image, Option<DenoiseError>) {
+    let mut image = film.develop_with(develop);
+    let failure = denoise.and_then(|(denoiser, options)| denoiser.denoise(&mut image, options).err());
+    (image, failure)
 }
 
 /// Shows progress and keeps checkpoints.
