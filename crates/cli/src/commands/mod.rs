@@ -3,8 +3,8 @@
 pub mod bench;
 pub mod compare;
 pub mod convert;
-pub mod info;
 pub mod denoise;
+pub mod info;
 pub mod merge;
 pub mod render;
 
