@@ -20,12 +20,16 @@ RENDER_ARGS ?=
 VENV := .venv
 BIN := $(VENV)/bin
 WHEEL_VENV := target/wheel-venv
-# The same for each call of cargo, so that nothing is built twice: Python's library is not linked, and one interpreter is named.
-export PYO3_PYTHON := $(CURDIR)/$(BIN)/python
+# The same for each call of cargo, by hand or by maturin, so that nothing is built twice: what the module is built for is in a file
+# instead of being asked of an interpreter, and Python's library is not linked.
+export PYO3_CONFIG_FILE := $(CURDIR)/crates/py/pyo3-build.txt
 export PYO3_BUILD_EXTENSION_MODULE := 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # Tests, clippy and the Python module share one profile.
 PROFILE := dev
+
+# Tests may unwrap, panic and print, their helpers as well.
+TEST_ALLOW := -A clippy::unwrap_used -A clippy::panic -A clippy::print_stdout -A clippy::print_stderr
 
 .PHONY: help run build test lint test-rust test-python develop wheel fmt bench clean
 
@@ -61,7 +65,8 @@ lint: $(VENV)/installed
 	$(BIN)/ruff format --check
 	$(BIN)/python scripts/check_dependencies.py
 	$(BIN)/mypy
-	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings
+	$(CARGO) clippy --workspace --locked -- -D warnings
+	$(CARGO) clippy --workspace --all-targets --locked -- -D warnings $(TEST_ALLOW)
 
 test-rust: $(VENV)/installed
 	$(CARGO) test --workspace --locked
@@ -79,7 +84,7 @@ develop: $(VENV)/installed
 .PHONY: test-wheel
 test-wheel: $(WHEEL_VENV)/installed
 	rm -rf target/test-wheel
-	$(BIN)/pip wheel . --quiet --no-build-isolation --no-deps --no-index --wheel-dir target/test-wheel --config-settings=build-args="--profile $(PROFILE)"
+	PATH="$(CURDIR)/$(BIN):$$PATH" $(BIN)/pip wheel . --quiet --no-build-isolation --no-deps --no-index --wheel-dir target/test-wheel --config-settings=build-args="--profile $(PROFILE)"
 	$(WHEEL_VENV)/bin/pip install --quiet --no-deps --no-index --force-reinstall target/test-wheel/etendue-*.whl
 	cd target/test-wheel
 	../wheel-venv/bin/python ../../scripts/check_wheel.py

@@ -132,8 +132,8 @@ class Scene:
 
         Args:
             aovs: Auxiliary outputs: `albedo`, `normal`, `depth`, `position`, `uv`, `object`, `material`,
-                `variance` (of each pixel's mean), `samples` (their number), or `all`. An empty list gives the picture,
-                its alpha and the light groups.
+                `variance` (of each pixel's mean), `samples` (their number), or `all`. An empty list gives the picture
+                and its alpha.
             crop: Only these pixels: (x0, y0, x1, y1) from the upper left, the last excluded.
             time: Stop after this time in seconds.
             noise: Stop when the relative error, estimated from the variance, is at most this, such as 0.02.
@@ -145,8 +145,8 @@ class Scene:
 
         Returns:
             Without `aovs` the picture: linear Rec. 709 values, `float32` of shape (height, width, 3).
-            With `aovs` a dictionary of such arrays: `rgb`, `alpha`, `light.NAME` for each light group where the scene names
-            any, and each AOV under its name.
+            With `aovs` a dictionary of such arrays: `rgb`, `alpha`, with `light_groups=True` `light.NAME` for
+            each named light, and each AOV under its name.
 
         Raises:
             SettingError: A setting does not fit.

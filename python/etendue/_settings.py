@@ -28,5 +28,7 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    light_groups: bool | None
+    """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
     camera: str | None
     """Name or number of the camera, where a file has several."""

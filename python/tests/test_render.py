@@ -57,6 +57,12 @@ def test_aovs_come_by_name(scene: etendue.Scene) -> None:
     assert list(scene.render(spp=1, aovs=[])) == ["rgb", "alpha"]
 
 
+def test_light_groups_add_up(scene: etendue.Scene) -> None:
+    layers = scene.render(spp=4, aovs=[], light_groups=True)
+    groups = [layer for name, layer in layers.items() if name.startswith("light.")]
+    assert groups == [] or sum(groups) == pytest.approx(layers["rgb"], abs=1e-4)
+
+
 def test_the_variance_is_of_the_right_size(scene: etendue.Scene) -> None:
     settings = {"spp": 16, "sampler": "independent"}
     pictures = np.stack([scene.render(seed=seed, **settings) for seed in range(24)])

@@ -13,6 +13,11 @@ use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
 
+/// File, line, column, feature, effect.
+type LossRow = (String, Option<u32>, Option<u32>, String, String);
+/// File, line, column, severity, message.
+type FaultRow = (String, Option<u32>, Option<u32>, &'static str, String);
+
 /// A scene that has been read. It never changes.
 #[pyclass(frozen, module = "etendue._etendue")]
 pub struct Scene {
@@ -28,7 +33,7 @@ impl Scene {
     }
 
     /// What the file holds and the renderer does not honor: (file, line, column, feature, effect).
-    fn losses(&self) -> Vec<(String, Option<u32>, Option<u32>, String, String)> {
+    fn losses(&self) -> Vec<LossRow> {
         let losses = self.desc.report.losses.iter();
         losses
             .map(|l| {
@@ -39,7 +44,7 @@ impl Scene {
     }
 
     /// Warnings of the reader: (file, line, column, severity, message).
-    fn warnings(&self) -> Vec<(String, Option<u32>, Option<u32>, &'static str, String)> {
+    fn warnings(&self) -> Vec<FaultRow> {
         let warnings = self.desc.report.faults.iter().filter(|f| f.severity == Severity::Warning);
         warnings
             .map(|f| {

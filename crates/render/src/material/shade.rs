@@ -135,7 +135,7 @@ impl Material {
                         diffuse_reflectance,
                         specular_reflectance,
                         eta,
-                        transmittance: transmittance.clone(),
+                        transmittance: *transmittance,
                         nonlinear: *nonlinear,
                     }),
                     _ => Bsdf::Plastic(Plastic::new(diffuse_reflectance, specular_reflectance, eta, *nonlinear)),
@@ -143,7 +143,7 @@ impl Material {
             }
             BsdfDesc::Coated { base, int_ior, ext_ior, thickness, sigma_a, specular_reflectance, roughness } => {
                 let coat = match (roughness, &self.boundary) {
-                    (Some(r), Some(t)) => Coat::Rough { microfacet: microfacet(scene, s, r), transmittance: t.clone() },
+                    (Some(r), Some(t)) => Coat::Rough { microfacet: microfacet(scene, s, r), transmittance: *t },
                     _ => Coat::Smooth,
                 };
                 Bsdf::Coated(Coated {
