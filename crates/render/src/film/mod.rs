@@ -176,9 +176,11 @@ pub enum FilmError {
     },
 }
 
-/// Sums are multiples of 2^-64.
+/// Fractional bits of sums, and what they make of 1.
+const SUM_BITS: i32 = 64;
 const SUM_ONE: f64 = 18_446_744_073_709_551_616.0;
-/// Sums of squares are multiples of 2^-40.
+/// Fractional bits of sums of squares, and what they make of 1.
+const SQUARE_BITS: i32 = 40;
 const SQUARE_ONE: f64 = 1_099_511_627_776.0;
 /// Largest magnitude that is summed: leaves room for 2^23 samples a pixel of that size.
 const LIMIT: f64 = 1_099_511_627_776.0;
@@ -338,7 +340,7 @@ impl Film {
             // A product of two f32 is exact in f64.
             let value = weight * f64::from(finite_or_zero(values.get(channel).copied().unwrap_or(0.0), counters));
             let value = limit(value, LIMIT, counters);
-            *sum = sum.wrapping_add((value * SUM_ONE) as i128);
+            *sum = sum.wrapping_add(fixed(value, SUM_BITS));
             if slot < 3 {
                 rgb[slot] = value;
             }
@@ -347,9 +349,9 @@ impl Film {
         let squares = &mut self.squares[pixel * SQUARES..][..SQUARES];
         for (square, value) in squares.iter_mut().zip([rgb[0], rgb[1], rgb[2], luminance]) {
             let value = limit(value, SQUARE_LIMIT, counters);
-            *square = square.wrapping_add((value * value * SQUARE_ONE) as i128);
+            *square = square.wrapping_add(fixed(value * value, SQUARE_BITS));
         }
-        self.weights[pixel] = self.weights[pixel].wrapping_add((limit(weight, LIMIT, counters) * SUM_ONE) as i128);
+        self.weights[pixel] = self.weights[pixel].wrapping_add(fixed(limit(weight, LIMIT, counters), SUM_BITS));
         self.counts[pixel] = self.counts[pixel].wrapping_add(1);
         if !self.layout.firsts.is_empty() {
             let firsts = self.layout.firsts.iter().map(|&c| values.get(c).copied().unwrap_or(0.0));
@@ -493,6 +495,25 @@ fn limit(v: f64, limit: f64, counters: &mut FilmCounters) -> f64 {
     } else {
         v
     }
+}
+
+/// v · 2^bits, truncated toward zero: `(v * 2^bits) as i128` without the call that it compiles to. |v| · 2^bits must be
+/// below 2^116 and v finite.
+#[inline]
+fn fixed(v: f64, bits: i32) -> i128 {
+    let pattern = v.to_bits();
+    let exponent = ((pattern >> 52) & 0x7ff) as i32;
+    let mantissa = (pattern & ((1 << 52) - 1)) | (1 << 52);
+    let shift = exponent - 1075 + bits;
+    let magnitude = if shift >= 0 {
+        debug_assert!(shift < 64);
+        i128::from(mantissa) << (shift & 63)
+    } else {
+        // Zero and subnormal numbers end here, with a shift that leaves nothing.
+        i128::from(mantissa >> (-shift).min(63))
+    };
+    let sign = i128::from(pattern as i64 >> 63);
+    (magnitude ^ sign) - sign
 }
 
 #[inline]

@@ -164,6 +164,22 @@ fn relative_error_predicts_the_true_one() {
 }
 
 #[test]
+fn fixed_point_is_the_truncated_product() {
+    for i in 0..100_000u64 {
+        let w = hash_words([i]);
+        // Every exponent up to the limit, subnormal numbers included.
+        let exponent = if i % 50 == 0 { 0 } else { w % 1063 };
+        let v = f64::from_bits((w << 52 & 1 << 63) | (exponent << 52) | (w >> 12));
+        assert_eq!(fixed(v, SUM_BITS), (v * SUM_ONE) as i128, "{v}");
+        assert_eq!(fixed(v, SQUARE_BITS), (v * SQUARE_ONE) as i128, "{v}");
+    }
+    for v in [0.0, -0.0, 1.0, -1.0, LIMIT, -LIMIT] {
+        assert_eq!(fixed(v, SUM_BITS), (v * SUM_ONE) as i128, "{v}");
+    }
+    assert_eq!(fixed(SQUARE_LIMIT * SQUARE_LIMIT, SQUARE_BITS), 1 << 104);
+}
+
+#[test]
 fn tiny_huge_and_non_finite_values() {
     let mut film = Film::new(FilmSpec::new(1, 1)).unwrap();
     film.add_sample(0, 0, 0, 1.0, &[2f32.powi(-64), 2f32.powi(-65), f32::MAX, f32::NAN]);
