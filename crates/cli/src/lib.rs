@@ -61,7 +61,32 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Denoise(args) => commands::denoise::run(args),
     };
     result.unwrap_or_else(|e| {
-        commands::note(&format!("etendue: error: {e:#}"));
+        commands::note(&format!("etendue: error: {}", with_causes(&e)));
         ExitCode::from(exit::code_of(&e))
     })
+}
+
+/// An error and its causes on one line; a cause that the error above it has told already is not told again.
+fn with_causes(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain().map(ToString::to_string) {
+        if text.is_empty() {
+            text = cause;
+        } else if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn causes_are_told_once() {
+        let io = std::io::Error::other("disk on fire");
+        let read = etendue_scene::ReadError::Io { path: "a.xml".into(), source: io };
+        assert_eq!(with_causes(&anyhow::Error::new(read).context("while loading")), "while loading: a.xml: disk on fire");
+    }
 }

@@ -92,7 +92,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     // A depth that the file gives to its own integrator means nothing to another.
     let same = settings.integrator.is_none() || settings.integrator.as_deref() == Some(&desc.name) || desc.name.is_empty();
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
-    let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4);
+    // Later roulette than this would let paths between perfect reflectors go on for ever.
+    let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     Ok(match name {
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
