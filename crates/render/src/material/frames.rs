@@ -31,7 +31,7 @@ pub(super) fn keep_side(tilted: Vec3, n: Vec3, wo: Vec3) -> Vec3 {
 
 /// Bends a tilted normal back as far as it takes for the mirror direction of `wo` to stay above the surface: otherwise light that a
 /// map reflects into the surface would be lost. The bent normal lies between `tilted` and `ng`.
-fn keep_reflection(tilted: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
+pub(super) fn keep_reflection(tilted: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     let cos = ng.dot(wo);
     let least = MIN_COS.min(0.9 * cos);
     let reflected = tilted * (2.0 * tilted.dot(wo)) - wo;

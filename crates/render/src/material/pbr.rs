@@ -5,7 +5,7 @@ use etendue_scene::desc::PbrDesc;
 use crate::bsdf::{Bsdf, DiffuseTilt, Pbr};
 use crate::math::{Frame, Vec3, fns};
 
-use super::frames::normal_map;
+use super::frames::{keep_reflection, normal_map};
 use crate::scene::{Scene, Surface};
 
 /// Evaluates the textures of a glTF material. `frame` is the shading frame with the base's normal map; the coat has its own normal
@@ -31,7 +31,8 @@ pub(super) fn shade(scene: &Scene, s: &Surface, wo: Vec3, p: &PbrDesc, frame: &F
     } else {
         None
     };
-    let clearcoat_normal = clearcoat_normal.map(|n| frame.local_from_world(n));
+    // What the coat mirrors must be above the base's frame as well, in which all lobes are evaluated.
+    let clearcoat_normal = clearcoat_normal.map(|n| frame.local_from_world(keep_reflection(n, frame.n, wo)));
     Bsdf::Pbr(Pbr {
         base_color: scene.color(&p.base_color, s),
         metallic: number(&p.metallic),
