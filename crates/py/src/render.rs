@@ -125,23 +125,5 @@ fn stop(py: Python<'_>, settings: &RenderSettings, plan: &Plan, time: Option<f64
 }
 
 fn parse_aovs(py: Python<'_>, names: &[String]) -> PyResult<(Vec<Aov>, DevelopOptions)> {
-    let mut develop = DevelopOptions::default();
-    let mut aovs = Vec::new();
-    for name in names {
-        match name.as_str() {
-            "all" => {
-                aovs.extend(Aov::ALL);
-                develop = DevelopOptions { variance: true, sample_count: true };
-            }
-            "variance" => develop.variance = true,
-            "samples" => develop.sample_count = true,
-            _ => aovs.push(Aov::from_name(name).ok_or_else(|| {
-                let known: Vec<_> = Aov::ALL.iter().map(|a| a.name()).collect();
-                errors::error(py, "SettingError", format!("no AOV `{name}`; there are {}, variance, samples, all", known.join(", ")))
-            })?),
-        }
-    }
-    aovs.sort_by_key(|a| *a as u8);
-    aovs.dedup();
-    Ok((aovs, develop))
+    Aov::parse_list(names).map_err(|e| errors::error(py, "SettingError", e))
 }

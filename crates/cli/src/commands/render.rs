@@ -199,27 +199,12 @@ fn tone_map(args: &Args) -> anyhow::Result<ToneMap> {
 }
 
 fn aovs(names: &[String], denoise: bool) -> anyhow::Result<(Vec<Aov>, DevelopOptions)> {
-    let mut develop = DevelopOptions::default();
-    let mut aovs = Vec::new();
-    for name in names {
-        match name.as_str() {
-            "all" => {
-                aovs.extend(Aov::ALL);
-                develop = DevelopOptions { variance: true, sample_count: true };
-            }
-            "variance" => develop.variance = true,
-            "samples" => develop.sample_count = true,
-            _ => aovs.push(Aov::from_name(name).ok_or_else(|| {
-                let known: Vec<_> = Aov::ALL.iter().map(|a| a.name()).collect();
-                coded(exit::USAGE, format!("no auxiliary output `{name}`; there are {}, variance, samples, all", known.join(", ")))
-            })?),
-        }
-    }
+    let (mut aovs, develop) = Aov::parse_list(names).map_err(|e| coded(exit::USAGE, e))?;
     if denoise {
         aovs.extend([Aov::Albedo, Aov::Normal]);
+        aovs.sort_by_key(|a| *a as u8);
+        aovs.dedup();
     }
-    aovs.sort_by_key(|a| *a as u8);
-    aovs.dedup();
     Ok((aovs, develop))
 }
 

@@ -18,8 +18,6 @@ pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
 pub mod fresnel;
-pub mod ior;
-mod ior_data;
 pub mod microfacet;
 pub mod null;
 pub mod pbr;

@@ -1,6 +1,6 @@
 //! The film's channels: the picture, its light groups and the AOVs.
 
-use crate::film::Channel;
+use crate::film::{Channel, DevelopOptions};
 use crate::integrator::Estimate;
 
 /// An auxiliary output variable: what the camera sees first.
@@ -42,6 +42,32 @@ impl Aov {
     /// By the name that the user types.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|a| a.name() == name)
+    }
+
+    /// The outputs of a list of names, each once: those of [`Aov::name`], `variance` and `samples` (which the film knows), or `all`.
+    ///
+    /// # Errors
+    /// A sentence that names the one that does not exist.
+    pub fn parse_list(names: &[String]) -> Result<(Vec<Self>, DevelopOptions), String> {
+        let mut develop = DevelopOptions::default();
+        let mut aovs = Vec::new();
+        for name in names {
+            match name.as_str() {
+                "all" => {
+                    aovs.extend(Self::ALL);
+                    develop = DevelopOptions { variance: true, sample_count: true };
+                }
+                "variance" => develop.variance = true,
+                "samples" => develop.sample_count = true,
+                _ => aovs.push(Self::from_name(name).ok_or_else(|| {
+                    let known: Vec<_> = Self::ALL.iter().map(|a| a.name()).collect();
+                    format!("no auxiliary output `{name}`; there are {}, variance, samples, all", known.join(", "))
+                })?),
+            }
+        }
+        aovs.sort_by_key(|a| *a as u8);
+        aovs.dedup();
+        Ok((aovs, develop))
     }
 
     /// Names of its channels, as other programs expect them in EXR files.

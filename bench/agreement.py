@@ -1,0 +1,93 @@
+"""How well do our pictures agree with those of other programs?
+
+Renders scenes that have a reference picture with several seeds and prints a Markdown table: the difference of the mean, the share of
+16×16 tiles that differ by more than 3% and 6 standard errors, the relMSE at the given samples, and the time.
+
+    python bench/agreement.py SCENES_FOLDER [--etendue target/release/etendue] [--spp 64] [--seeds 4] [NAME ...]
+
+SCENES_FOLDER holds NAME.xml, NAME.glb or NAME/scene.xml, and refs/NAME.exr.
+Needs the package `etendue` (`make develop`) for reading EXR files.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+import etendue
+
+TILE = 16
+
+
+def tiles(picture: np.ndarray) -> np.ndarray:
+    """Return the means of the whole tiles of a picture (height, width, 3)."""
+    h, w = (n // TILE * TILE for n in picture.shape[:2])
+    means: np.ndarray = picture[:h, :w].reshape(h // TILE, TILE, w // TILE, TILE, 3).mean((1, 3))
+    return means
+
+
+def scene_file(folder: Path, name: str) -> Path:
+    """Return the scene file of that name."""
+    for candidate in (folder / f"{name}.xml", folder / f"{name}.glb", folder / name / "scene.xml"):
+        if candidate.exists():
+            return candidate
+    raise SystemExit(f"no scene {name} in {folder}")
+
+
+def relmse(picture: np.ndarray, reference: np.ndarray) -> float:
+    """Return mean((x − ref)² / (ref² + 0.01)) without the worst 0.1% of the pixels."""
+    error = np.sort(((picture - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel())
+    return float(error[: int(len(error) * 0.999)].mean())
+
+
+def measure(args: argparse.Namespace, name: str) -> str:
+    """Render a scene with all seeds and return its row of the table."""
+    scene = scene_file(args.folder, name)
+    reference = np.asarray(etendue.read_image(args.folder / "refs" / f"{name}.exr"))[..., :3].astype(np.float64)
+    height, width = reference.shape[:2]
+    pictures = []
+    before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+    with tempfile.TemporaryDirectory() as folder:
+        for seed in range(1, args.seeds + 1):
+            out = Path(folder) / f"{seed}.exr"
+            size = ["--width", str(width), "--height", str(height), "--filter", "box"]
+            command = [args.etendue, "render", str(scene), *size, "--spp", str(args.spp), "--seed", str(seed), "-q", "-o", str(out)]
+            subprocess.run(command, check=True)
+            pictures.append(np.asarray(etendue.read_image(out))[..., :3].astype(np.float64))
+    seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
+    error = float(np.mean([relmse(p, reference) for p in pictures]))
+    # One firefly must not decide.
+    cap = np.quantile(reference, 0.999) * 4
+    stack = np.minimum(np.stack(pictures), cap)
+    reference = np.minimum(reference, cap)
+    mean = stack.mean() / reference.mean() - 1
+    means = np.stack([tiles(p) for p in stack])
+    expected = tiles(reference)
+    spread = means.std(0, ddof=1) / np.sqrt(args.seeds)
+    allowed = np.maximum(0.03 * np.maximum(expected, 0.05 * expected.mean()), 6 * spread + 1e-4 * expected.mean())
+    off = (np.abs(means.mean(0) - expected) > allowed).mean()
+    return f"| {name} | {args.spp} × {args.seeds} | {mean:+.2%} | {off:.1%} | {error:.4f} | {seconds:.1f} s |"
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("names", nargs="*", help="scenes; default: all that have a reference")
+    parser.add_argument("--etendue", default="target/release/etendue")
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--seeds", type=int, default=4)
+    args = parser.parse_args()
+    names = args.names or sorted(p.stem for p in (args.folder / "refs").glob("*.exr"))
+    print("| scene | samples × seeds | mean | tiles off | relMSE of one picture | CPU time of one picture |\n|---|---|---|---|---|---|")
+    for name in names:
+        print(measure(args, name), flush=True)
+
+
+if __name__ == "__main__":
+    main()
