@@ -30,5 +30,7 @@ class RenderSettings(TypedDict, total=False):
     """Reach of ambient occlusion; unlimited where not given."""
     light_groups: bool | None
     """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
+    mipmap: bool | None
+    """Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred."""
     camera: str | None
     """Name or number of the camera, where a file has several."""

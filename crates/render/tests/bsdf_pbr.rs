@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use etendue_render::bsdf::{Bsdf, Lobe, Pbr, TransportMode};
+use etendue_render::bsdf::{Bsdf, DiffuseTilt, Lobe, Pbr, TransportMode};
 use etendue_render::math::{Vec2, Vec3, fns};
 use etendue_render::spectrum::Spectrum;
 use etendue_render::testing::bsdf::*;
@@ -166,6 +166,7 @@ fn everything() -> Pbr {
         clearcoat: 0.5,
         clearcoat_roughness: 0.4,
         clearcoat_normal: Some(direction(10.0, 200.0)),
+        diffuse_tilt: Some(DiffuseTilt { base: direction(12.0, 30.0), normal: direction(8.0, 220.0) }),
         sheen_color: COLOR * 0.5,
         sheen_roughness: 0.6,
         transmission: 0.5,

@@ -29,6 +29,8 @@ params! {
         ao_distance: Option<f32> = None, "number", "scene units";
         /// Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files.
         light_groups: bool = false, "switch", "";
+        /// Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred.
+        mipmap: bool = false, "switch", "";
         /// Name or number of the camera, where a file has several.
         camera: Option<String> = None, "name or number", "";
     }

@@ -40,6 +40,30 @@ struct Vertex {
     pdf: f32,
 }
 
+/// The cone of directions that a path's sample stands for, after Akenine-Möller et al. 2019 (Ray Tracing Gems ch. 20).
+struct Cone {
+    width: f32,
+    spread: f32,
+}
+
+impl Cone {
+    /// Goes along the ray; returns the footprint's width on a surface seen at a cosine. The shorter way across the ellipse and the
+    /// longer one are averaged as areas.
+    #[inline]
+    fn advance(&mut self, distance: f32, cos: f32) -> f32 {
+        self.width += self.spread * distance;
+        self.width / cos.abs().max(0.05).sqrt()
+    }
+
+    /// Widens with the solid angle that a sampled direction stands for, 1 / pdf; a quarter of it, as neighboring samples share it.
+    #[inline]
+    fn scatter(&mut self, pdf: f32) {
+        if pdf.is_finite() {
+            self.spread = (self.spread + 0.25 / pdf.sqrt()).min(0.5);
+        }
+    }
+}
+
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let mut ray = camera_ray.ray;
@@ -50,8 +74,9 @@ impl Integrator for Path {
         let mut eta_scale = 1.0f32;
         let mut medium = NONE;
         let mut camera_distance = 0.0;
+        let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
         loop {
-            let Some(s) = scene.intersect(&ray) else {
+            let Some(mut s) = scene.intersect(&ray) else {
                 add_infinite(scene, ray.d, throughput, &last, depth, out);
                 return;
             };
@@ -59,6 +84,9 @@ impl Integrator for Path {
                 throughput *= scene.media[medium as usize].transmittance(s.t);
             }
             let wo = -ray.d;
+            if scene.mipmap {
+                s.footprint = cone.advance(s.t, s.ng.dot(wo));
+            }
             add_emission(scene, &s, wo, throughput, &last, depth, out);
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             if depth == 0 {
@@ -108,6 +136,7 @@ impl Integrator for Path {
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
+            cone.scatter(pdf);
             last = Vertex { ctx, pdf };
             if depth >= self.rr_depth {
                 let survive = (throughput.max_component() * eta_scale).min(0.95);

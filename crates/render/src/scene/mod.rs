@@ -63,6 +63,8 @@ pub struct Scene {
     pub bounds: Aabb,
     /// Whether any material lets light straight through, so that shadow rays must look.
     pub has_null: bool,
+    /// Texture look-ups fit the footprints of rays.
+    pub mipmap: bool,
     /// Lights do not show where the camera looks at them.
     pub hide_lights: bool,
 }

@@ -32,6 +32,8 @@ pub struct Surface {
     pub primitive: u32,
     /// Material.
     pub material: u32,
+    /// Width of the ray's footprint on the surface; 0 where it is not followed.
+    pub footprint: f32,
 }
 
 impl Surface {
@@ -209,6 +211,7 @@ impl Scene {
             object: object_index,
             primitive: hit.prim,
             material: object.material,
+            footprint: 0.0,
         }
     }
 }

@@ -6,6 +6,7 @@ use etendue_scene::desc::{Channel, TextureFilter, Wrap};
 use glam::Mat3;
 
 use crate::image::Texels;
+use crate::math::fns::{self, lerp};
 use crate::math::{Vec2, Vec3};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
@@ -15,9 +16,11 @@ use crate::spectrum::Spectrum;
 pub struct Bitmap {
     /// The picture.
     pub texels: Arc<Texels>,
+    /// Smaller copies of it, each half as large as the one before; empty where footprints are not looked at.
+    pub levels: Arc<[Texels]>,
     /// Beyond the edge in u and v.
     pub wrap: [Wrap; 2],
-    /// Between texels; trilinear look-ups take the full picture, whose samples average out over a pixel.
+    /// Between texels; without `levels` trilinear look-ups take the full picture, whose samples average out over a pixel.
     pub filter: TextureFilter,
     /// Applied to (u, v, 1).
     pub picture_from_uv: Mat3,
@@ -49,7 +52,7 @@ impl Bitmap {
 
     /// ∂(scalar)/∂(u, v) at a surface point.
     pub fn gradient(&self, scene: &Scene, s: &Surface) -> Vec2 {
-        let q = self.quad(self.place(scene, s));
+        let q = quad(&self.texels, self.wrap, self.place(scene, s));
         let [a, b, c, d] = q.texels.map(|t| self.pick(t));
         let (fx, fy) = (q.fraction.x, q.fraction.y);
         // Per texel, then per unit of the picture, then per unit of uv.
@@ -101,21 +104,49 @@ impl Bitmap {
             let y = wrap(self.wrap[1], cell(at.y * h as f32), h);
             return self.texels.get(x, h - 1 - y);
         }
-        let Quad { texels: [a, b, c, d], fraction: f } = self.quad(at);
-        std::array::from_fn(|i| (a[i] * (1.0 - f.x) + b[i] * f.x) * (1.0 - f.y) + (c[i] * (1.0 - f.x) + d[i] * f.x) * f.y)
+        let level = if self.levels.is_empty() { 0.0 } else { self.level(s) };
+        if level <= 0.0 {
+            return quad(&self.texels, self.wrap, at).blend();
+        }
+        let lower = level as usize;
+        let of = |i: usize| if i == 0 { &*self.texels } else { &self.levels[(i - 1).min(self.levels.len() - 1)] };
+        let (a, b) = (quad(of(lower), self.wrap, at).blend(), quad(of(lower + 1), self.wrap, at).blend());
+        std::array::from_fn(|i| lerp(level.fract(), a[i], b[i]))
     }
 
-    fn quad(&self, at: Vec2) -> Quad {
-        let (w, h) = (self.texels.width, self.texels.height);
-        let p = at * Vec2::new(w as f32, h as f32) - 0.5;
-        let (x, y) = (cell(p.x), cell(p.y));
-        let fraction = Vec2::new(p.x - p.x.floor(), p.y - p.y.floor());
-        let xs = [x, x + 1].map(|x| wrap(self.wrap[0], x, w));
-        // Rows count from the top, v from the bottom.
-        let ys = [y, y + 1].map(|y| h - 1 - wrap(self.wrap[1], y, h));
-        let get = |i: usize, j: usize| self.texels.get(xs[i], ys[j]);
-        Quad { texels: [get(0, 0), get(1, 0), get(0, 1), get(1, 1)], fraction }
+    /// The level whose texels are as large as the ray's footprint, 0 for the full picture or less (Akenine-Möller et al. 2019,
+    /// "Texture Level of Detail Strategies for Real-Time Ray Tracing", Ray Tracing Gems ch. 20, equation 34).
+    fn level(&self, s: &Surface) -> f32 {
+        let world_area = s.dpdu.cross(s.dpdv).length();
+        if !(s.footprint > 0.0 && world_area > 0.0) {
+            return 0.0;
+        }
+        let m = &self.picture_from_uv;
+        let uv_area = (m.x_axis.x * m.y_axis.y - m.x_axis.y * m.y_axis.x).abs();
+        let texels = self.texels.width as f32 * self.texels.height as f32;
+        let size = s.footprint * (texels * uv_area / world_area).sqrt();
+        fns::log2(size.max(1.0)).min(self.levels.len() as f32)
     }
+}
+
+impl Quad {
+    #[inline]
+    fn blend(&self) -> [f32; 4] {
+        let ([a, b, c, d], f) = (&self.texels, self.fraction);
+        std::array::from_fn(|i| lerp(f.y, lerp(f.x, a[i], b[i]), lerp(f.x, c[i], d[i])))
+    }
+}
+
+fn quad(texels: &Texels, wraps: [Wrap; 2], at: Vec2) -> Quad {
+    let (w, h) = (texels.width, texels.height);
+    let p = at * Vec2::new(w as f32, h as f32) - 0.5;
+    let (x, y) = (cell(p.x), cell(p.y));
+    let fraction = Vec2::new(p.x - p.x.floor(), p.y - p.y.floor());
+    let xs = [x, x + 1].map(|x| wrap(wraps[0], x, w));
+    // Rows count from the top, v from the bottom.
+    let ys = [y, y + 1].map(|y| h - 1 - wrap(wraps[1], y, h));
+    let get = |i: usize, j: usize| texels.get(xs[i], ys[j]);
+    Quad { texels: [get(0, 0), get(1, 0), get(0, 1), get(1, 1)], fraction }
 }
 
 /// The index of the texel at a coordinate; far-off and undefined coordinates stay in range.

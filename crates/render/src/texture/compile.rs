@@ -3,20 +3,20 @@
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use etendue_scene::desc::{Encoding, ImageDesc, ImageId, ImageSource, SceneDesc, TextureDesc};
+use etendue_scene::desc::{Encoding, ImageDesc, ImageId, ImageSource, SceneDesc, TextureDesc, TextureFilter};
 use etendue_scene::{Fault, Severity, Span};
 use rayon::prelude::*;
 
-use super::{Bitmap, Texture};
+use super::{Bitmap, Texture, pyramid};
 use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels};
 use crate::scene::Names;
 use crate::spectrum::Spectrum;
 
-/// Decodes all pictures that textures use, in parallel, and makes the textures.
+/// Decodes all pictures that textures use, in parallel, and makes the textures; with pyramids for trilinear ones if `mipmap` is set.
 ///
 /// # Errors
 /// A fault for each picture that cannot be read.
-pub fn compile(desc: &SceneDesc, names: &mut Names) -> Result<Vec<Texture>, Vec<Fault>> {
+pub fn compile(desc: &SceneDesc, names: &mut Names, mipmap: bool) -> Result<Vec<Texture>, Vec<Fault>> {
     // A picture may be wanted in two encodings; each is decoded once.
     let mut wanted: Vec<(ImageId, Encoding)> = desc
         .textures
@@ -25,7 +25,7 @@ pub fn compile(desc: &SceneDesc, names: &mut Names) -> Result<Vec<Texture>, Vec<
         .collect();
     wanted.sort_by_key(|(id, encoding)| (*id, *encoding as u8));
     wanted.dedup();
-    let decoded: Vec<_> = wanted.par_iter().map(|&(id, encoding)| decode(desc, id, encoding).map(Arc::new)).collect();
+    let decoded: Vec<_> = wanted.par_iter().map(|&(id, encoding)| decode(desc, id, encoding).map(|t| picture(t, mipmap))).collect();
     let mut pictures = HashMap::new();
     let mut faults = Vec::new();
     for ((id, encoding), result) in wanted.into_iter().zip(decoded) {
@@ -42,16 +42,28 @@ pub fn compile(desc: &SceneDesc, names: &mut Names) -> Result<Vec<Texture>, Vec<
     Ok(desc.textures.iter().map(|node| texture(&node.value, &pictures, names)).collect())
 }
 
+/// A decoded picture, shared by the textures that show it.
+struct Picture {
+    texels: Arc<Texels>,
+    levels: Arc<[Texels]>,
+}
+
+fn picture(texels: Texels, mipmap: bool) -> Picture {
+    let levels = if mipmap { pyramid::levels(&texels) } else { Vec::new() };
+    Picture { texels: Arc::new(texels), levels: levels.into() }
+}
+
 fn image_span(desc: &SceneDesc, id: ImageId) -> Span {
     desc[id].span
 }
 
-fn texture(desc: &TextureDesc, pictures: &HashMap<(ImageId, u8), Arc<Texels>>, names: &mut Names) -> Texture {
+fn texture(desc: &TextureDesc, pictures: &HashMap<(ImageId, u8), Picture>, names: &mut Names) -> Texture {
     match desc {
         TextureDesc::Constant { value } => Texture::Constant(Spectrum::from_rgb(*value)),
         TextureDesc::Bitmap(b) => match pictures.get(&(b.image, b.encoding as u8)) {
-            Some(texels) => Texture::Bitmap(Box::new(Bitmap {
-                texels: Arc::clone(texels),
+            Some(picture) => Texture::Bitmap(Box::new(Bitmap {
+                texels: Arc::clone(&picture.texels),
+                levels: if b.filter == TextureFilter::Trilinear { Arc::clone(&picture.levels) } else { Arc::default() },
                 wrap: b.wrap,
                 filter: b.filter,
                 picture_from_uv: b.picture_from_uv,

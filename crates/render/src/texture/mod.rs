@@ -5,6 +5,7 @@
 
 mod bitmap;
 mod compile;
+mod pyramid;
 
 pub use bitmap::Bitmap;
 pub use compile::{compile, decode};

@@ -16,6 +16,8 @@ pub(super) struct Context<'a> {
     pub groups: &'a mut Names,
     /// Whether each named emitting shape is a light group of its own.
     pub light_groups: bool,
+    /// Whether every object needs ∂p/∂uv.
+    pub tangents: bool,
     /// Number of objects so far in the whole scene.
     pub object_count: u32,
 }
@@ -85,7 +87,7 @@ fn object(node: &Node<ShapeDesc>, ctx: &mut Context) -> Object {
         interior: shape.interior.map_or(NONE, |m| m.0),
         id: ctx.object_count,
         flip_normals: shape.flip_normals,
-        wants_tangents: ctx.materials[material as usize].wants_tangents,
+        wants_tangents: ctx.tangents || ctx.materials[material as usize].wants_tangents,
     }
 }
 

@@ -26,13 +26,14 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     let materials = material::compile(desc);
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
-    let textures = texture::compile(desc, &mut attributes)?;
+    let textures = texture::compile(desc, &mut attributes, settings.mipmap)?;
     let mut ctx = Context {
         desc,
         materials: &materials,
         attributes: &mut attributes,
         groups: &mut groups,
         light_groups: settings.light_groups,
+        tangents: settings.mipmap,
         object_count: 0,
     };
     let (geometries, placements) = place(desc, &mut ctx);
@@ -53,6 +54,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         media: desc.media.iter().map(|m| Medium::new(&m.value)).collect(),
         camera: Camera::new(camera, size[0], size[1]),
         has_null,
+        mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
         materials,
         lights: Vec::new(),
