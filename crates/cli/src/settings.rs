@@ -36,14 +36,19 @@ impl clap::Args for SettingsArgs {
                 default => format!("{doc} [default: {default}]"),
             };
             let value = if spec.unit.is_empty() { spec.kind } else { spec.unit };
-            command.arg(
-                Arg::new(spec.name)
-                    .long(spec.name.replace('_', "-"))
-                    .value_name(value.to_ascii_uppercase().replace(' ', "_"))
-                    .help(help)
-                    .allow_hyphen_values(true)
-                    .help_heading("Picture and light"),
-            )
+            let arg = Arg::new(spec.name)
+                .long(spec.name.replace('_', "-"))
+                .value_name(value.to_ascii_uppercase().replace(' ', "_"))
+                .help(help)
+                .allow_hyphen_values(true)
+                .help_heading("Picture and light");
+            // A switch alone means yes; `--switch=false` takes it back.
+            let is_switch = spec.kind == "switch";
+            command.arg(if is_switch {
+                arg.value_name("BOOL").num_args(0..=1).require_equals(true).default_missing_value("true")
+            } else {
+                arg
+            })
         })
     }
 

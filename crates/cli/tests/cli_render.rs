@@ -150,6 +150,22 @@ fn settings_say_what_is_rendered() {
 }
 
 #[test]
+fn light_groups_add_up_to_the_picture() {
+    let dir = Dir::new("groups");
+    dir.ok("render scene.xml --spp 4 --light-groups -o groups.exr -o groups.film");
+    dir.ok("render scene.xml --spp 4 --light-groups=false -o plain.exr");
+    let (groups, plain) = (Image::load(&dir.path("groups.exr")).unwrap(), Image::load(&dir.path("plain.exr")).unwrap());
+    for c in ["R", "G", "B"] {
+        let whole = groups.channel(c).unwrap();
+        assert_eq!(whole, plain.channel(c).unwrap(), "groups do not change the picture");
+        let (lamp, rest) = (groups.channel(&format!("light.lamp.{c}")).unwrap(), groups.channel(&format!("light.rest.{c}")).unwrap());
+        assert!(lamp.iter().zip(rest).zip(whole).all(|((a, b), w)| (a + b - w).abs() <= 1e-5 * w.max(1.0)));
+        assert!(lamp.iter().sum::<f32>() > 1.0 && rest.iter().sum::<f32>() > 1.0, "both lights shine");
+    }
+    assert!(plain.channels.iter().all(|c| !c.name.starts_with("light.")));
+}
+
+#[test]
 fn exit_codes_tell_what_is_wrong_before_any_work() {
     let dir = Dir::new("codes");
     std::fs::write(dir.path("bad.xml"), SCENE.replace(r#"<shape type="sphere" id="ball">"#, r#"<shape type="sfere" id="ball">"#)).unwrap();
