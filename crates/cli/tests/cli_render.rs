@@ -328,7 +328,8 @@ fn failing_writes_leave_no_file_and_say_which() {
 #[test]
 fn ctrl_c_keeps_what_is_done() {
     let dir = Dir::new("interrupt");
-    let args = "render scene.xml --spp 100000000 --time 60 --progress json -o a.exr --aov samples --checkpoint c.film --checkpoint-interval 1000";
+    let args =
+        "render scene.xml --spp 100000000 --time 60 --progress json -o a.exr --aov samples --checkpoint c.film --checkpoint-interval 1000";
     let mut child = dir.command(args).stderr(Stdio::piped()).spawn().unwrap();
     let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
     let line = lines.next().unwrap().unwrap();
