@@ -239,21 +239,27 @@ fn corpus() -> Vec<Vec<u8>> {
     paths.iter().map(|p| std::fs::read(p).unwrap()).collect()
 }
 
-/// Makes the seeds anew: `cargo test -p etendue-scene --test gltf -- --ignored write_corpus`.
+/// The seeds are those that this file makes. `ETENDUE_WRITE_CORPUS=1 cargo test -p etendue-scene --test gltf corpus` makes them anew.
 #[test]
-#[ignore = "writes into the source tree"]
-fn write_corpus() {
+fn corpus_is_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/gltf");
-    std::fs::create_dir_all(&folder).unwrap();
+    let write = std::env::var_os("ETENDUE_WRITE_CORPUS").is_some();
+    let seed = |name: &str, bytes: Vec<u8>| {
+        let path = folder.join(name);
+        if write {
+            std::fs::create_dir_all(&folder).unwrap();
+            std::fs::write(&path, &bytes).unwrap();
+        }
+        assert!(std::fs::read(&path).unwrap() == bytes, "{name} is not what the test makes");
+    };
     let b = rich();
-    std::fs::write(folder.join("rich.glb"), b.glb()).unwrap();
-    std::fs::write(folder.join("triangle.glb"), Build::triangle().glb()).unwrap();
+    seed("rich.glb", b.glb());
+    seed("triangle.glb", Build::triangle().glb());
     let mut json = b.json;
     json["buffers"] = json!([{"byteLength": 9, "uri": "data:;base64,AAAAAAAAgD8A"}]);
-    std::fs::write(folder.join("data.gltf"), serde_json::to_vec_pretty(&json).unwrap()).unwrap();
+    seed("data.gltf", serde_json::to_vec_pretty(&json).unwrap());
     let compressed = "a1ffff00efaf682787c1e00bf43b163e85b7c9e";
-    std::fs::write(folder.join("text.gltf"), format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"extras\": \"{compressed}\\u00e9\"}}"))
-        .unwrap();
+    seed("text.gltf", format!("{{\"asset\": {{\"version\": \"2.0\"}}, \"extras\": \"{compressed}\\u00e9\"}}").into_bytes());
 }
 
 /// Changes bytes and JSON values at random, always the same ones; nothing may panic or hang. `ETENDUE_MUTATIONS` asks for more.
