@@ -6,6 +6,7 @@
 pub mod accel;
 pub mod bsdf;
 pub mod camera;
+pub mod classic;
 pub mod denoise;
 pub mod film;
 pub mod image;
@@ -18,6 +19,7 @@ pub mod sampler;
 pub mod scene;
 pub mod session;
 pub mod shape;
+pub mod solid;
 pub mod spectrum;
 #[doc(hidden)]
 pub mod testing;

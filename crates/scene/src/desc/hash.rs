@@ -83,6 +83,7 @@ impl SceneDesc {
         values(&mut sink, &self.instances);
         values(&mut sink, &self.lights);
         values(&mut sink, &self.cameras);
+        sink.node(&self.classic);
         sink.node(&self.film);
         sink.node(&self.integrator);
         sink.0.finalize().to_hex().to_string()

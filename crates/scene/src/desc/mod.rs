@@ -5,6 +5,7 @@
 
 mod bsdf;
 mod camera;
+pub mod classic;
 mod geometry;
 mod hash;
 mod light;
@@ -127,6 +128,8 @@ pub struct SceneDesc {
     pub lights: Vec<Node<LightDesc>>,
     /// Cameras; the first is the default.
     pub cameras: Vec<Node<CameraDesc>>,
+    /// The scene of the classic model, where the format has one (POV-Ray); the lists above are then empty.
+    pub classic: Option<Box<classic::ClassicScene>>,
     /// What the file says about how to render.
     pub film: FilmDesc,
     /// What the file says about the integrator.

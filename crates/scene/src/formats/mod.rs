@@ -3,6 +3,7 @@
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+pub mod pov;
 mod picture_size;
 mod resolver;
 mod summary;

@@ -1,0 +1,38 @@
+//! Procedural textures and functions as plain data, with their evaluation.
+//!
+//! A reader evaluates functions while it reads (`f(1, 2, 3)` in a `.pov` file), and the renderer evaluates patterns and functions at
+//! every hit, so both stand on this crate: `render → scene → procedural`. Everything is `f64`, and all elementary functions come
+//! from [`fns`], so values have the same bits on every machine.
+//!
+//! The models are those of POV-Ray 3.7 as its documentation and its output tell; no source of it was used.
+
+pub mod color;
+pub mod context;
+pub mod finish;
+pub mod fns;
+pub mod function;
+pub mod image_map;
+pub mod map;
+pub mod noise;
+pub mod normal;
+pub mod pattern;
+pub mod pigment;
+pub mod spline;
+pub mod texture;
+
+pub use color::Color;
+pub use context::{Context, Images, Inside};
+pub use finish::Finish;
+pub use function::Function;
+pub use image_map::ImageMap;
+pub use map::BlendMap;
+pub use normal::Normal;
+pub use pattern::Pattern;
+pub use pigment::Pigment;
+pub use spline::Spline;
+pub use texture::{Layer, Texture};
+
+/// Number of an object that patterns ask about (`object { … }` patterns): index into the scene's list of pattern objects.
+pub type ObjectId = u32;
+/// Number of a picture: index into the scene's list of pictures.
+pub type ImageId = u32;

@@ -1,0 +1,122 @@
+//! Exact solids in double precision: every shape of the classic model, and constructive combinations of them.
+//!
+//! A solid answers four questions: where a line crosses its surface (all crossings, so that combinations and shadows through
+//! transparent things can be told), whether a point is inside, its normal, and its surface coordinates. [`World`] holds all objects of a scene in a
+//! hierarchy of boxes.
+
+use std::sync::Arc;
+
+use etendue_scene::desc::classic::Object;
+use glam::{DVec2, DVec3};
+
+/// A line with a direction, in double precision; `t` is in units of the direction's length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Line {
+    /// Origin.
+    pub o: DVec3,
+    /// Direction, not necessarily unit in a solid's own space.
+    pub d: DVec3,
+}
+
+impl Line {
+    /// The point at `t`.
+    pub fn at(&self, t: f64) -> DVec3 {
+        self.o + self.d * t
+    }
+}
+
+/// Where a line crosses the surface of a primitive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Crossing {
+    /// Line parameter.
+    pub t: f64,
+    /// Which part of the surface (face, segment, triangle …): the primitive's own number.
+    pub part: u32,
+    /// Surface parameters that the primitive wants to keep for its normal (barycentrics, curve parameter …).
+    pub uv: DVec2,
+}
+
+/// A box in double precision; infinite along unbounded directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Lower corner.
+    pub min: DVec3,
+    /// Upper corner.
+    pub max: DVec3,
+}
+
+/// A shape in its own space.
+pub trait Primitive: Send + Sync {
+    /// A box that holds its surface (and its inside, where that is bounded); infinite for unbounded shapes.
+    fn bounds(&self) -> Bounds;
+    /// Pushes all crossings with `t_min` < t < `t_max`, in any order. Solids must report both ends of every interval inside.
+    fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>);
+    /// Whether a point is inside; always false for shapes without inside (disc, mesh without `inside_vector`, …).
+    fn inside(&self, p: DVec3) -> bool;
+    /// The unit normal at a crossing, to the outside (for surfaces without inside: as POV-Ray's).
+    fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3;
+    /// Surface coordinates at a crossing, for `uv_mapping`; (0, 0) where the shape has none.
+    fn uv(&self, p: DVec3, crossing: &Crossing) -> DVec2;
+}
+
+/// A hit in world space.
+#[derive(Clone, Debug)]
+pub struct SolidHit<'a> {
+    /// Distance along the unit direction.
+    pub t: f64,
+    /// The point.
+    pub p: DVec3,
+    /// Unit normal of the surface, to the outside of the whole object (turned by inverses and differences).
+    pub n: DVec3,
+    /// Unit geometric normal on the same side, which differs from `n` on smooth meshes.
+    pub ng: DVec3,
+    /// Surface coordinates.
+    pub uv: DVec2,
+    /// The part whose texture and interior count: the leaf, with what it inherits from its parents already filled in.
+    pub object: &'a Object,
+    /// Number of the leaf, the same for all hits of one leaf.
+    pub leaf: u32,
+}
+
+/// Which rays see an object.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RayKind {
+    /// From the camera, and what goes on from it through transparent things: `no_image` objects are not there.
+    Camera,
+    /// Mirrored: `no_reflection` objects are not there.
+    Reflection,
+    /// To a light: `no_shadow` objects are not there.
+    Shadow,
+    /// Of radiosity: `no_radiosity` objects are not there.
+    Radiosity,
+    /// Of photons: everything is there.
+    Photon,
+}
+
+/// All objects of a scene.
+pub struct World {
+    objects: Vec<Arc<Object>>,
+}
+
+impl World {
+    /// Prepares objects for tracing.
+    pub fn new(objects: &[Arc<Object>]) -> Self {
+        Self { objects: objects.to_vec() }
+    }
+
+    /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
+    pub fn nearest(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
+        let _ = (line, t_min, t_max, kind, &self.objects);
+        None
+    }
+
+    /// Visits hits with `t_min` < t < `t_max` in no particular order until `visit` returns false: for shadow rays.
+    pub fn visit(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) {
+        let _ = (line, t_min, t_max, kind, visit);
+    }
+
+    /// The objects (leaves with interiors and textures filled in) that a point is inside of.
+    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
+        let _ = (p, visit);
+    }
+}

@@ -1,0 +1,83 @@
+//! Scenes of the classic model, as POV-Ray has them: exact solids and their constructive combinations, procedural textures, and
+//! light as Whitted-style tracers compute it. Everything in `f64`, in the file's own left-handed space.
+//!
+//! `etendue-render` renders such a scene in two ways: by the classic shading model (`whitted`), and, turned into physical
+//! materials, by any other integrator.
+
+mod atmosphere;
+mod camera;
+mod interior;
+mod light;
+mod object;
+
+pub use atmosphere::*;
+pub use camera::*;
+pub use interior::*;
+pub use light::*;
+pub use object::*;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::span::Span;
+
+/// A picture that textures or height fields use.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ClassicImage {
+    /// Resolved path.
+    pub path: PathBuf,
+    /// Where the file names it.
+    pub span: Span,
+    /// Exponent that turns file values into the working space (`gamma` of an image map); `None` by the file's own kind.
+    pub gamma: Option<f64>,
+}
+
+/// What a scene of the classic model says.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ClassicScene {
+    /// Global settings.
+    pub settings: GlobalSettings,
+    /// Objects of the world, lights taken out.
+    pub objects: Vec<Arc<Object>>,
+    /// Objects that `object { … }` patterns ask about, by [`etendue_procedural::ObjectId`].
+    pub pattern_objects: Vec<Arc<Object>>,
+    /// Light sources; those of light groups name their group.
+    pub lights: Vec<Light>,
+    /// The camera.
+    pub camera: Camera,
+    /// Fogs, all of them at work.
+    pub fogs: Vec<Fog>,
+    /// Rainbows.
+    pub rainbows: Vec<Rainbow>,
+    /// The sky beyond everything.
+    pub sky: Option<SkySphere>,
+    /// Background color; black where there is none.
+    pub background: Option<etendue_procedural::Color>,
+    /// Interior (media) of the space outside all objects.
+    pub atmosphere: Vec<Media>,
+    /// Pictures, by [`etendue_procedural::ImageId`].
+    pub images: Vec<ClassicImage>,
+}
+
+/// `global_settings`, with POV-Ray 3.7's defaults.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GlobalSettings {
+    /// Exponent of the scene's working color space: 1 is linear.
+    pub assumed_gamma: f64,
+    /// Recursion level.
+    pub max_trace_level: u32,
+    /// Rays that carry less are not followed.
+    pub adc_bailout: f64,
+    /// Factor of all ambient terms.
+    pub ambient_light: glam::DVec3,
+    /// Noise generator: 1, 2 or 3.
+    pub noise_generator: u8,
+}
+
+impl Default for GlobalSettings {
+    fn default() -> Self {
+        Self { assumed_gamma: 1.0, max_trace_level: 5, adc_bailout: 1.0 / 255.0, ambient_light: glam::DVec3::ONE, noise_generator: 2 }
+    }
+}

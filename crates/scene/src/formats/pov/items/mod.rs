@@ -1,0 +1,18 @@
+//! The items of a scene: what stands at its top level and in `#declare`.
+//!
+//! Each function reads a whole item from its first word, such as `pigment { … }`, and returns it. Blocks are loops over words until
+//! the closing brace; an identifier of the same kind at the start of a block is a copy to begin with.
+
+mod atmosphere;
+mod camera;
+mod finish;
+mod function;
+mod interior;
+mod light;
+mod maps;
+mod normal;
+mod object;
+mod pigment;
+mod settings;
+mod solids;
+mod texture;

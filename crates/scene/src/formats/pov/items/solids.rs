@@ -1,0 +1,1 @@
+//! The shapes: what stands between the braces before the modifiers.
