@@ -13,3 +13,9 @@ impl Spline {
         [0.0; 5]
     }
 }
+impl Spline {
+    /// n
+    pub fn components(&self) -> usize {
+        1
+    }
+}
