@@ -29,7 +29,7 @@ pub use map::BlendMap;
 pub use normal::Normal;
 pub use pattern::Pattern;
 pub use pigment::Pigment;
-pub use spline::Spline;
+pub use spline::{Spline, SplineKind};
 pub use texture::{Layer, Texture};
 
 /// Number of an object that patterns ask about (`object { … }` patterns): index into the scene's list of pattern objects.
