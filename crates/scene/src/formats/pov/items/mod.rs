@@ -18,3 +18,4 @@ mod pigment;
 mod settings;
 mod solids;
 mod texture;
+pub(crate) use object::OBJECT_WORDS;
