@@ -353,13 +353,18 @@ impl Parser {
                     Token::Identifier(_, Value::Vector(v)) => ("", v.len() == 5),
                     _ => ("", false),
                 };
-                if word == "color" {
+                let is_channel = matches!(word, "red" | "green" | "blue" | "filter" | "transmit" | "alpha");
+                // After a whole color only single channels belong to it: `rgb 1 rgb 2` are two.
+                if word == "color" && is_first {
                     p.next()?;
-                } else if COLOR_WORDS.contains(&word) {
+                    if matches!(p.peek()?, Token::Word("color")) {
+                        return Err(p.unexpected("a color"));
+                    }
+                    continue;
+                } else if COLOR_WORDS.contains(&word) && word != "color" && (is_first || is_channel) {
                     p.next()?;
                     p.color_item(word, &mut color, false)?;
-                } else if is_color || (is_first && p.at_number()?) {
-                    // An identifier replaces all that was before it.
+                } else if is_first && (is_color || p.at_number()?) {
                     color = p.num()?.promoted(5).v;
                 } else {
                     break;
