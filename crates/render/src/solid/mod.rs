@@ -4,6 +4,11 @@
 //! transparent things can be told), whether a point is inside, its normal, and its surface coordinates. [`World`] holds all objects of a scene in a
 //! hierarchy of boxes.
 
+#[cfg(test)]
+mod measured;
+pub mod poly;
+pub mod roots;
+
 use std::sync::Arc;
 
 use etendue_scene::desc::classic::Object;
