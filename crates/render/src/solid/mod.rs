@@ -36,6 +36,11 @@ pub use bounds::Bounds;
 pub use probe::WorldProbe;
 pub use world::World;
 
+#[cfg(test)]
+mod measured;
+pub mod poly;
+pub mod roots;
+
 use std::sync::Arc;
 
 use etendue_procedural::Texture;
