@@ -14,11 +14,15 @@ mod compile;
 mod cone;
 mod cuboid;
 mod disc;
+#[cfg(test)]
+mod measured;
 mod mesh;
 mod plane;
+pub mod poly;
 mod polygon;
 mod probe;
 mod quadric;
+pub mod roots;
 mod sphere;
 mod text;
 mod torus;
@@ -35,11 +39,6 @@ mod tests;
 pub use bounds::Bounds;
 pub use probe::WorldProbe;
 pub use world::World;
-
-#[cfg(test)]
-mod measured;
-pub mod poly;
-pub mod roots;
 
 use std::sync::Arc;
 
