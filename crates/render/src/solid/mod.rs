@@ -4,9 +4,12 @@
 //! transparent things can be told), whether a point is inside, its normal, and its surface coordinates. [`World`] holds all objects of a scene in a
 //! hierarchy of boxes.
 
+pub mod curve;
+pub mod lathe;
 #[cfg(test)]
 mod measured;
 pub mod poly;
+pub mod prism;
 pub mod roots;
 
 use std::sync::Arc;
