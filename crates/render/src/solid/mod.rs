@@ -13,13 +13,16 @@ mod bvh;
 mod compile;
 mod cone;
 mod cuboid;
+pub mod curve;
 mod disc;
+pub mod lathe;
 #[cfg(test)]
 mod measured;
 mod mesh;
 mod plane;
 pub mod poly;
 mod polygon;
+pub mod prism;
 mod probe;
 mod quadric;
 pub mod roots;
