@@ -6,6 +6,7 @@
 
 use std::sync::Arc;
 
+use etendue_procedural::{Images, Texture};
 use etendue_scene::desc::classic::Object;
 use glam::{DVec2, DVec3};
 
@@ -57,6 +58,33 @@ pub trait Primitive: Send + Sync {
     fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3;
     /// Surface coordinates at a crossing, for `uv_mapping`; (0, 0) where the shape has none.
     fn uv(&self, p: DVec3, crossing: &Crossing) -> DVec2;
+
+    /// The nearest crossing with `t_min` < t < `t_max`. `scratch` may be used and is left as it was found.
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+        let start = scratch.len();
+        self.crossings(line, t_min, t_max, scratch);
+        let nearest = scratch[start..].iter().copied().min_by(|a, b| a.t.total_cmp(&b.t));
+        scratch.truncate(start);
+        nearest
+    }
+    /// A box that holds the inside; differs from [`Primitive::bounds`] where the inside goes on beyond the surface (discs).
+    fn inside_bounds(&self) -> Bounds {
+        self.bounds()
+    }
+    /// The unit normal of the true surface on the side of [`Primitive::normal`]; differs on smooth triangles.
+    fn geometric_normal(&self, p: DVec3, crossing: &Crossing) -> DVec3 {
+        self.normal(p, crossing)
+    }
+    /// Textures of its own parts (triangles, blob components) in the solid's space; those of [`Primitive::part_textures`] by index.
+    fn own_textures(&self) -> Vec<Arc<Texture>> {
+        Vec::new()
+    }
+    /// Visits the textures at a crossing with their weights (sum 1): an index of [`Primitive::own_textures`], or `None` for the
+    /// object's. Called only where there are own textures.
+    fn part_textures(&self, p: DVec3, crossing: &Crossing, visit: &mut dyn FnMut(f64, Option<usize>)) {
+        let _ = (p, crossing);
+        visit(1.0, None);
+    }
 }
 
 /// A hit in world space.
@@ -76,6 +104,8 @@ pub struct SolidHit<'a> {
     pub object: &'a Object,
     /// Number of the leaf, the same for all hits of one leaf.
     pub leaf: u32,
+    /// Where on the primitive, in its own terms.
+    pub(crate) crossing: Crossing,
 }
 
 /// Which rays see an object.
@@ -99,9 +129,22 @@ pub struct World {
 }
 
 impl World {
-    /// Prepares objects for tracing.
+    /// Prepares objects for tracing; height fields of pictures are left out.
     pub fn new(objects: &[Arc<Object>]) -> Self {
+        Self::with_images(objects, None)
+    }
+
+    /// Prepares objects for tracing, with the pictures of height fields.
+    pub fn with_images(objects: &[Arc<Object>], images: Option<&dyn Images>) -> Self {
+        let _ = images;
         Self { objects: objects.to_vec() }
+    }
+
+    /// Visits the textures that count at a hit with their weights (sum 1): those of the triangle or blob component, of the objects cut
+    /// (`cutaway_textures`), else the object's. `back`: of the inside. `None`: the object has no texture at all.
+    pub fn textures<'a>(&'a self, hit: &SolidHit<'a>, back: bool, visit: &mut dyn FnMut(f64, Option<&'a Texture>)) {
+        let own = if back { hit.object.interior_texture.as_ref() } else { None };
+        visit(1.0, own.or(hit.object.texture.as_ref()).map(|t| &**t));
     }
 
     /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
