@@ -3,10 +3,47 @@
 //! A solid answers four questions: where a line crosses its surface (all crossings, so that combinations and shadows through
 //! transparent things can be told), whether a point is inside, its normal, and its surface coordinates. [`World`] holds all objects of a scene in a
 //! hierarchy of boxes.
+//!
+//! ```text
+//! objects ─tree→ leaves (what is inherited filled in, placed in world space) under nodes (union, intersection, merge) ─bvh→ World
+//! ```
+
+mod bounds;
+mod bvh;
+mod compile;
+mod cone;
+mod cuboid;
+mod disc;
+mod mesh;
+mod plane;
+mod polygon;
+mod probe;
+mod quadric;
+mod sphere;
+mod text;
+mod torus;
+mod trace;
+mod tree;
+mod triangle;
+mod world;
+
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+
+pub use bounds::Bounds;
+pub use probe::WorldProbe;
+pub use world::World;
+
+#[cfg(test)]
+mod measured;
+pub mod poly;
+pub mod roots;
 
 use std::sync::Arc;
 
-use etendue_procedural::{Images, Texture};
+use etendue_procedural::Texture;
 use etendue_scene::desc::classic::Object;
 use glam::{DVec2, DVec3};
 
@@ -21,6 +58,7 @@ pub struct Line {
 
 impl Line {
     /// The point at `t`.
+    #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.o + self.d * t
     }
@@ -37,13 +75,12 @@ pub struct Crossing {
     pub uv: DVec2,
 }
 
-/// A box in double precision; infinite along unbounded directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: DVec3,
-    /// Upper corner.
-    pub max: DVec3,
+impl Crossing {
+    /// A crossing with a part that needs no parameters.
+    #[inline]
+    pub fn new(t: f64, part: u32) -> Self {
+        Self { t, part, uv: DVec2::ZERO }
+    }
 }
 
 /// A shape in its own space.
@@ -52,7 +89,7 @@ pub trait Primitive: Send + Sync {
     fn bounds(&self) -> Bounds;
     /// Pushes all crossings with `t_min` < t < `t_max`, in any order. Solids must report both ends of every interval inside.
     fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>);
-    /// Whether a point is inside; always false for shapes without inside (disc, mesh without `inside_vector`, …).
+    /// Whether a point is inside; always false for shapes without inside (triangle, mesh without `inside_vector`, …).
     fn inside(&self, p: DVec3) -> bool;
     /// The unit normal at a crossing, to the outside (for surfaces without inside: as POV-Ray's).
     fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3;
@@ -121,45 +158,4 @@ pub enum RayKind {
     Radiosity,
     /// Of photons: everything is there.
     Photon,
-}
-
-/// All objects of a scene.
-pub struct World {
-    objects: Vec<Arc<Object>>,
-}
-
-impl World {
-    /// Prepares objects for tracing; height fields of pictures are left out.
-    pub fn new(objects: &[Arc<Object>]) -> Self {
-        Self::with_images(objects, None)
-    }
-
-    /// Prepares objects for tracing, with the pictures of height fields.
-    pub fn with_images(objects: &[Arc<Object>], images: Option<&dyn Images>) -> Self {
-        let _ = images;
-        Self { objects: objects.to_vec() }
-    }
-
-    /// Visits the textures that count at a hit with their weights (sum 1): those of the triangle or blob component, of the objects cut
-    /// (`cutaway_textures`), else the object's. `back`: of the inside. `None`: the object has no texture at all.
-    pub fn textures<'a>(&'a self, hit: &SolidHit<'a>, back: bool, visit: &mut dyn FnMut(f64, Option<&'a Texture>)) {
-        let own = if back { hit.object.interior_texture.as_ref() } else { None };
-        visit(1.0, own.or(hit.object.texture.as_ref()).map(|t| &**t));
-    }
-
-    /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
-    pub fn nearest(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
-        let _ = (line, t_min, t_max, kind, &self.objects);
-        None
-    }
-
-    /// Visits hits with `t_min` < t < `t_max` in no particular order until `visit` returns false: for shadow rays.
-    pub fn visit(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) {
-        let _ = (line, t_min, t_max, kind, visit);
-    }
-
-    /// The objects (leaves with interiors and textures filled in) that a point is inside of.
-    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
-        let _ = (p, visit);
-    }
 }
