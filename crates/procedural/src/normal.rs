@@ -1,5 +1,7 @@
 //! Perturbation of normals by patterns (documentation, "Normal").
 
+use std::sync::Arc;
+
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
@@ -20,6 +22,8 @@ pub struct Normal {
     pub uv_mapping: bool,
     /// Scaling the normal does not scale the depth of bumps.
     pub no_bump_scale: bool,
+    /// How deep patterns stand in one another; kept by [`Normal::settle`].
+    pub depth: u32,
 }
 
 /// What the pattern of a normal chooses from.
@@ -29,11 +33,11 @@ pub enum NormalFill {
     #[default]
     Pattern,
     /// The pattern's gradient through a curve of (height, slope).
-    Slopes(BlendMap<(f64, f64)>),
+    Slopes(Arc<BlendMap<(f64, f64)>>),
     /// Blends of normals; weighted in an `average`.
-    Normals(BlendMap<Normal>),
+    Normals(Arc<BlendMap<Normal>>),
     /// A normal for each kind of block.
-    List(Vec<Normal>),
+    List(Arc<Vec<Normal>>),
     /// The gradient of a picture; the pattern is only its place.
     Bump(ImageMap),
 }
@@ -47,6 +51,7 @@ impl Default for Normal {
             accuracy: 0.02,
             uv_mapping: false,
             no_bump_scale: false,
+            depth: 1,
         }
     }
 }
@@ -56,6 +61,17 @@ impl Normal {
     pub fn perturb(&self, n: DVec3, context: &Context) -> DVec3 {
         let _ = context;
         n
+    }
+
+    /// Brings the depth up to date after a change of the fill or of the pattern's kind; returns it.
+    pub fn settle(&mut self) -> u32 {
+        let of_fill = match &self.fill {
+            NormalFill::Normals(map) => map.entries.iter().map(|e| e.1.depth).max().unwrap_or(0),
+            NormalFill::List(list) => list.iter().map(|n| n.depth).max().unwrap_or(0),
+            NormalFill::Pattern | NormalFill::Slopes(_) | NormalFill::Bump(_) => 0,
+        };
+        self.depth = of_fill.max(self.pattern.kind.depth()).saturating_add(1);
+        self.depth
     }
 
     /// Moves the pattern with the object.

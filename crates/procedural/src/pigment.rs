@@ -1,5 +1,7 @@
 //! Pigments: color at every point (documentation, "Pigment").
 
+use std::sync::Arc;
+
 use glam::DMat4;
 use serde::{Deserialize, Serialize};
 
@@ -25,6 +27,8 @@ pub struct PatternedPigment {
     pub uv_mapping: bool,
     /// Color at low quality.
     pub quick_color: Option<Color>,
+    /// How deep patterns stand in one another, from 1; kept by [`Pigment::settle`].
+    pub depth: u32,
 }
 
 /// What a pattern chooses from.
@@ -33,11 +37,11 @@ pub enum PigmentFill {
     /// The pattern's own colors.
     Default,
     /// Blends of colors.
-    Colors(BlendMap<Color>),
+    Colors(Arc<BlendMap<Color>>),
     /// Blends of pigments; weighted in an `average`.
-    Pigments(BlendMap<Pigment>),
+    Pigments(Arc<BlendMap<Pigment>>),
     /// A pigment for each kind of block.
-    List(Vec<Pigment>),
+    List(Arc<Vec<Pigment>>),
     /// A picture; the pattern is only its place.
     Image(ImageMap),
 }
@@ -65,6 +69,26 @@ impl Pigment {
         }
     }
 
+    /// How deep patterns stand in one another: 0 for a solid pigment.
+    pub fn depth(&self) -> u32 {
+        match self {
+            Self::Solid(_) => 0,
+            Self::Patterned(patterned) => patterned.depth,
+        }
+    }
+
+    /// Brings the depth up to date after a change of the fill or of the pattern's kind; returns it.
+    pub fn settle(&mut self) -> u32 {
+        let Self::Patterned(patterned) = self else { return 0 };
+        let of_fill = match &patterned.fill {
+            PigmentFill::Pigments(map) => map.entries.iter().map(|e| e.1.depth()).max().unwrap_or(0),
+            PigmentFill::List(list) => list.iter().map(Self::depth).max().unwrap_or(0),
+            PigmentFill::Default | PigmentFill::Colors(_) | PigmentFill::Image(_) => 0,
+        };
+        patterned.depth = of_fill.max(patterned.pattern.kind.depth()).saturating_add(1);
+        patterned.depth
+    }
+
     /// The color at low quality: `quick_color`, or the color of a solid pigment.
     pub fn quick_color(&self) -> Option<Color> {
         match self {
@@ -77,7 +101,7 @@ impl Pigment {
 impl PatternedPigment {
     /// The pattern with its own colors.
     pub fn new(pattern: Pattern) -> Self {
-        Self { pattern, fill: PigmentFill::Default, uv_mapping: false, quick_color: None }
+        Self { pattern, fill: PigmentFill::Default, uv_mapping: false, quick_color: None, depth: 1 }
     }
 
     /// The color at the context's point. Pigments of maps and lists see the point where the pattern's transforms and warps have
@@ -117,6 +141,14 @@ impl PatternedPigment {
             (None, None) => Color::rgb(value, value, value),
         }
     }
+}
+
+/// The colors that a block pattern has when none are given; none for other patterns.
+pub fn block_colors(kind: &PatternKind) -> Vec<Color> {
+    if kind.blocks().is_none() {
+        return Vec::new();
+    }
+    crate::default_colors::of(kind).iter().map(|(_, c)| color_of(*c)).collect()
 }
 
 fn color_of(rgb: [f64; 3]) -> Color {

@@ -18,6 +18,18 @@ pub struct Layer {
     pub finish: Arc<Finish>,
 }
 
+impl Layer {
+    /// Pigment and normal by surface coordinates (`uv_mapping` of the texture).
+    pub fn map_by_uv(&mut self) {
+        if let Pigment::Patterned(patterned) = &mut self.pigment {
+            patterned.uv_mapping = true;
+        }
+        if let Some(normal) = &mut self.normal {
+            normal.uv_mapping = true;
+        }
+    }
+}
+
 /// A texture.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Texture {
@@ -36,17 +48,19 @@ pub struct PatternedTexture {
     pub fill: TextureFill,
     /// The point is (u, v, 0) of the surface.
     pub uv_mapping: bool,
+    /// How deep patterned textures stand in one another, from 1; kept by [`PatternedTexture::settle`].
+    pub depth: u32,
 }
 
 /// What a pattern chooses from.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum TextureFill {
     /// Blends of textures; weighted in an `average`.
-    Textures(BlendMap<Texture>),
+    Textures(Arc<BlendMap<Texture>>),
     /// A texture for each kind of block.
-    List(Vec<Texture>),
+    List(Arc<Vec<Texture>>),
     /// A texture for each index of a picture (`material_map`); the pattern is only its place.
-    Image(ImageMap, Vec<Texture>),
+    Image(ImageMap, Arc<Vec<Texture>>),
 }
 
 impl Default for Texture {
@@ -92,6 +106,27 @@ impl Texture {
 }
 
 impl PatternedTexture {
+    /// A pattern with its textures.
+    pub fn new(pattern: Pattern, fill: TextureFill) -> Self {
+        let mut new = Self { pattern, fill, uv_mapping: false, depth: 1 };
+        new.settle();
+        new
+    }
+
+    /// Brings the depth up to date after a change of the fill; returns it.
+    pub fn settle(&mut self) -> u32 {
+        let depth = |t: &Texture| match t {
+            Texture::Layers(_) => 0,
+            Texture::Patterned(p) => p.depth,
+        };
+        let of_fill = match &self.fill {
+            TextureFill::Textures(map) => map.entries.iter().map(|e| depth(&e.1)).max(),
+            TextureFill::List(list) | TextureFill::Image(_, list) => list.iter().map(depth).max(),
+        };
+        self.depth = of_fill.unwrap_or(0).saturating_add(1);
+        self.depth
+    }
+
     fn resolve<'a>(&'a self, share: f64, context: &Context, visit: &mut dyn FnMut(f64, &'a [Layer], &Context)) {
         let inner = if self.uv_mapping { self.pattern.enter(&context.moved(context.uv.extend(0.0))) } else { self.pattern.enter(context) };
         match &self.fill {

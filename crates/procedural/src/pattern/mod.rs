@@ -111,7 +111,7 @@ pub enum PatternKind {
     /// Polyforms that pave the x-z plane.
     Pavement(Pavement),
     /// Gray value of a pigment.
-    Pigment(Box<Pigment>),
+    Pigment(Arc<Pigment>),
     /// Slab that fades from the x-z plane.
     Planar,
     /// Padded cubes.
@@ -230,8 +230,16 @@ impl PatternKind {
         }
     }
 
+    /// How deep patterns stand inside of this one.
+    pub(crate) fn depth(&self) -> u32 {
+        match self {
+            Self::Pigment(pigment) => pigment.depth(),
+            _ => 0,
+        }
+    }
+
     /// Whether `turbulence` is no warp of space but goes into the pattern's own formula.
     pub fn turbulence_is_its_own(&self) -> bool {
-        matches!(self, Self::Agate { .. } | Self::Marble | Self::Spiral1(_) | Self::Spiral2(_) | Self::Wood)
+        matches!(self, Self::Marble | Self::Wood)
     }
 }

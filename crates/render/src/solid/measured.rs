@@ -55,7 +55,18 @@ pub fn compare(shape: &dyn Primitive, table: &str, tolerance: &Tolerance) {
             }
         }
         let hits = &v[6..];
-        if found.len() != (hits.len() / 4).min(8) && hits.len() / 4 < 8 {
+        // POV-Ray was asked again this far behind each hit.
+        let mut last = f64::NEG_INFINITY;
+        let apart = found
+            .iter()
+            .filter(|c| {
+                c.t > last + 2e-3 && {
+                    last = c.t;
+                    true
+                }
+            })
+            .count();
+        if apart != hits.len() / 4 && hits.len() / 4 < 8 {
             counts.push(format!(
                 "row {}: {:?}, not {:?}",
                 number + 1,
@@ -79,7 +90,8 @@ pub fn compare(shape: &dyn Primitive, table: &str, tolerance: &Tolerance) {
     if counts.len() > tolerance.lines {
         faults.extend(counts);
     }
-    assert!(faults.is_empty(), "{}", faults.join("\n"));
+    let head = table.lines().next().unwrap_or_default();
+    assert!(faults.is_empty(), "{head}\n{}", faults.join("\n"));
 }
 
 /// A linear congruential generator (Knuth, MMIX) in [0, 1).
