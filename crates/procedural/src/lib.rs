@@ -32,7 +32,7 @@ pub use map::BlendMap;
 pub use normal::{Normal, NormalFill};
 pub use pattern::{Pattern, PatternKind};
 pub use pigment::{PatternedPigment, Pigment, PigmentFill};
-pub use spline::Spline;
+pub use spline::{Spline, SplineKind};
 pub use texture::{Layer, PatternedTexture, Texture, TextureFill};
 pub use warp::Warp;
 
