@@ -67,10 +67,8 @@ impl Bounds {
 
     /// A little larger, so that rounding in surface points does not lead out of it.
     pub fn padded(self) -> Self {
-        let size = |lo: f64, hi: f64| 1e-9 * lo.abs().max(hi.abs()).min(1e300) + 1e-12;
-        let (a, b) = (self.min, self.max);
-        let pad = DVec3::new(finite(size(a.x, b.x)), finite(size(a.y, b.y)), finite(size(a.z, b.z)));
-        Self { min: a - pad, max: b + pad }
+        let pad = 1e-9 * self.min.map(finite).abs().max(self.max.map(finite).abs()) + 1e-12;
+        Self { min: self.min - pad, max: self.max + pad }
     }
 
     /// The box of its image under a transform: exact for each axis on its own (Arvo 1990, "Transforming axis-aligned bounding boxes",
@@ -129,6 +127,7 @@ fn product(a: f64, b: f64) -> f64 {
     if a == 0.0 { 0.0 } else { a * b }
 }
 
+/// Infinite sides have no size.
 fn finite(x: f64) -> f64 {
     if x.is_finite() { x } else { 0.0 }
 }

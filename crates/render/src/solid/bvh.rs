@@ -58,7 +58,8 @@ impl Bvh {
             return Self::default();
         }
         let all = hull(&entries);
-        let mut bvh = Self { nodes: Vec::with_capacity(entries.len() / 4 + 1), items: Vec::with_capacity(entries.len()), bounds: Some(all) };
+        let mut bvh =
+            Self { nodes: Vec::with_capacity(entries.len() / 4 + 1), items: Vec::with_capacity(entries.len()), bounds: Some(all) };
         bvh.node(&mut entries, 0);
         bvh
     }
@@ -78,7 +79,14 @@ impl Bvh {
     fn node(&mut self, entries: &mut [Entry], depth: u32) -> u32 {
         let index = self.nodes.len();
         self.nodes.push(Node {
-            planes: [[f32::INFINITY; 4], [f32::NEG_INFINITY; 4], [f32::INFINITY; 4], [f32::NEG_INFINITY; 4], [f32::INFINITY; 4], [f32::NEG_INFINITY; 4]],
+            planes: [
+                [f32::INFINITY; 4],
+                [f32::NEG_INFINITY; 4],
+                [f32::INFINITY; 4],
+                [f32::NEG_INFINITY; 4],
+                [f32::INFINITY; 4],
+                [f32::NEG_INFINITY; 4],
+            ],
             child: [0; WIDTH],
             count: [0; WIDTH],
         });
@@ -235,7 +243,8 @@ impl Narrow {
             let inverse = self.inverse[axis];
             let (enter, leave) = if inverse < 0.0 { (2 * axis + 1, 2 * axis) } else { (2 * axis, 2 * axis + 1) };
             // The entering plane is taken nearer, the leaving one farther than it may be.
-            let (o_enter, o_leave) = if inverse < 0.0 { (self.below[axis], self.above[axis]) } else { (self.above[axis], self.below[axis]) };
+            let (o_enter, o_leave) =
+                if inverse < 0.0 { (self.below[axis], self.above[axis]) } else { (self.above[axis], self.below[axis]) };
             for i in 0..WIDTH {
                 let a = (planes[enter][i] - o_enter) * inverse;
                 let b = (planes[leave][i] - o_leave) * inverse * SLACK;
@@ -285,7 +294,13 @@ fn split(entries: &mut [Entry], depth: u32) -> (&mut [Entry], &mut [Entry]) {
     let center = |e: &Entry| e.bounds.min * 0.5 + e.bounds.max * 0.5;
     let centers = Bounds::of_points(entries.iter().map(center));
     let size = centers.max - centers.min;
-    let axis = if size.x >= size.y && size.x >= size.z { 0 } else if size.y >= size.z { 1 } else { 2 };
+    let axis = if size.x >= size.y && size.x >= size.z {
+        0
+    } else if size.y >= size.z {
+        1
+    } else {
+        2
+    };
     let scale = BINS as f64 / size[axis];
     if depth >= SAH_DEPTH || !(scale.is_finite() && scale > 0.0) {
         return entries.split_at_mut(n / 2);

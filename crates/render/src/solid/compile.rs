@@ -83,6 +83,15 @@ impl Shape {
         if *m == DAffine3::IDENTITY {
             return (self, true);
         }
+        let moved = match &self {
+            Self::Plane(p) => p.moved(m).map(Self::Plane),
+            Self::Triangle(t) => t.moved(m).map(Self::Triangle),
+            Self::Cone(c) => c.moved(m).map(Self::Cone),
+            _ => None,
+        };
+        if let Some(moved) = moved {
+            return (moved, true);
+        }
         let scale = DVec3::new(m.matrix3.x_axis.x, m.matrix3.y_axis.y, m.matrix3.z_axis.z);
         // Positive scales only, so that surface coordinates and normals stay what they are.
         if m.matrix3 != DMat3::from_diagonal(scale) || !(scale.min_element() > 0.0) {
@@ -114,7 +123,9 @@ impl<'a> Compiler<'a> {
         Some(match solid {
             Solid::Sphere { center, radius } => Shape::Sphere(Sphere::new(*center, *radius)?),
             Solid::Box { corners } => Shape::Cuboid(Cuboid::new(*corners)?),
-            Solid::Cone { base, base_radius, cap, cap_radius, open } => Shape::Cone(Cone::new(*base, *base_radius, *cap, *cap_radius, *open)?),
+            Solid::Cone { base, base_radius, cap, cap_radius, open } => {
+                Shape::Cone(Cone::new(*base, *base_radius, *cap, *cap_radius, *open)?)
+            }
             Solid::Cylinder { base, cap, radius, open } => Shape::Cone(Cone::new(*base, *radius, *cap, *radius, *open)?),
             Solid::Plane { normal, distance } => Shape::Plane(Plane::new(*normal, *distance)?),
             Solid::Disc { center, normal, radius, hole_radius } => Shape::Disc(Disc::new(*center, *normal, *radius, *hole_radius)?),
@@ -151,7 +162,10 @@ impl<'a> Compiler<'a> {
             Solid::Torus { major, minor } => shared(super::torus::Torus::new(*major, *minor)),
             Solid::Polygon(points) => shared(super::polygon::Polygon::new(points)),
             Solid::Mesh(mesh) => shared(super::mesh::Mesh::new(mesh)),
-            Solid::Quadric { squares, mixed, linear, constant } => shared(super::quadric::Quadric::new(*squares, *mixed, *linear, *constant)),
+            Solid::Quadric { squares, mixed, linear, constant } => {
+                shared(super::quadric::Quadric::new(*squares, *mixed, *linear, *constant))
+            }
+            Solid::Polynomial { order, coefficients } => shared(super::poly::Poly::new(*order as usize, coefficients.to_vec())),
             Solid::Text(text) => shared(super::text::Text::new(text)),
             _ => None,
         }

@@ -13,12 +13,19 @@ mod bvh;
 mod compile;
 mod cone;
 mod cuboid;
+pub mod curve;
 mod disc;
+pub mod lathe;
+#[cfg(test)]
+mod measured;
 mod mesh;
 mod plane;
+pub mod poly;
 mod polygon;
+pub mod prism;
 mod probe;
 mod quadric;
+pub mod roots;
 mod sphere;
 mod text;
 mod torus;
@@ -35,14 +42,6 @@ mod tests;
 pub use bounds::Bounds;
 pub use probe::WorldProbe;
 pub use world::World;
-
-pub mod curve;
-pub mod lathe;
-#[cfg(test)]
-mod measured;
-pub mod poly;
-pub mod prism;
-pub mod roots;
 
 use std::sync::Arc;
 

@@ -7,9 +7,9 @@ use etendue_procedural::{Images, Texture};
 use etendue_scene::desc::classic::{Interior, MAX_LEAVES, Object, Solid};
 use glam::{DAffine3, DMat4};
 
-use super::Bounds;
 use super::bvh::Bvh;
 use super::compile::{Compiler, Shape};
+use super::{Bounds, Primitive};
 
 /// Groups with more parts get a hierarchy of their own.
 const GROUP: usize = 8;

@@ -230,7 +230,7 @@ impl World {
         match &self.tree.nodes[id as usize].kind {
             Kind::Leaf(leaf) => {
                 let other = &self.tree.leaves[*leaf as usize];
-                if *leaf != face && other.cutaway.is_none() && self.tree.inside(id, p) {
+                if *leaf != face && other.cutaway.is_none() && !other.flip && self.tree.inside(id, p) {
                     out.push(*leaf);
                 }
             }

@@ -28,9 +28,11 @@ pub struct ReadOptions {
     pub variant: Option<String>,
     /// The scene of a glTF file, by name or number.
     pub scene: Option<String>,
+    /// What scenes of POV-Ray may ask and do.
+    pub pov: pov::PovOptions,
 }
 
-/// Reads a scene of any format: `.xml` (Mitsuba), `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
+/// Reads a scene of any format: `.xml` (Mitsuba), `.pov` (POV-Ray), `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
 /// the file has none; loads its meshes and checks it.
 ///
 /// # Errors
@@ -39,10 +41,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let desc = match extension.as_str() {
         "xml" => mitsuba::read(path, options)?,
+        "pov" | "inc" => pov::read(path, options)?,
         "gltf" | "glb" => gltf::read(path, options)?,
         "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
         _ => {
-            let reason = "not a scene format that etendue reads (xml, gltf, glb, obj, ply, stl)".to_owned();
+            let reason = "not a scene format that etendue reads (xml, pov, gltf, glb, obj, ply, stl)".to_owned();
             return Err(ReadError::Unsupported { path: path.to_owned(), reason });
         }
     };
