@@ -137,9 +137,9 @@ mod tests {
         for (degrees, amount, green) in [(0.0, 1.0, 0.5), (20.0, 1.0, 0.50323), (60.0, 1.0, 0.52964), (60.0, 0.5, 0.76481)] {
             near(metallic(pigment, amount, lit(degrees).1).y, green);
         }
-        let mirror = |falloff, fresnel| Reflection { min: DVec3::splat(0.1), max: DVec3::splat(0.7), falloff, fresnel, ..Reflection::default() };
-        for (degrees, linear, cubic, dielectric) in
-            [(0.0, 0.1, 0.1, 0.124), (60.0, 0.4, 0.175, 0.15351), (80.0, 0.5958, 0.43857, 0.33262)]
+        let mirror =
+            |falloff, fresnel| Reflection { min: DVec3::splat(0.1), max: DVec3::splat(0.7), falloff, fresnel, ..Reflection::default() };
+        for (degrees, linear, cubic, dielectric) in [(0.0, 0.1, 0.1, 0.124), (60.0, 0.4, 0.175, 0.15351), (80.0, 0.5958, 0.43857, 0.33262)]
         {
             let (_, cos) = lit(degrees);
             near(reflectance(&mirror(1.0, false), cos, 1.5, pigment).x, linear);

@@ -64,8 +64,7 @@ impl ClassicWorld {
         let pattern_objects = scene.pattern_objects.iter().map(|o| World::with_images(std::slice::from_ref(o), Some(&pictures))).collect();
         let lamps_of_group = light::sets(scene);
         let rays = Rays::new(scene.camera.clone(), size);
-        let made =
-            Self { scene: Arc::new(scene.clone()), world, rays, lamps, lamps_of_group, pictures, pattern_objects, space };
+        let made = Self { scene: Arc::new(scene.clone()), world, rays, lamps, lamps_of_group, pictures, pattern_objects, space };
         (made, faults)
     }
 
@@ -75,12 +74,7 @@ impl ClassicWorld {
 
     /// Where textures are evaluated: a bare point, with what evaluation needs.
     fn context(&self, p: DVec3) -> Context<'_> {
-        Context {
-            images: Some(&self.pictures),
-            inside: Some(self),
-            noise_generator: self.scene.settings.noise_generator,
-            ..Context::at(p)
-        }
+        Context { images: Some(&self.pictures), inside: Some(self), noise_generator: self.scene.settings.noise_generator, ..Context::at(p) }
     }
 
     /// One sample: the light that comes through a point of the picture (in pixels) and of the lens.
@@ -126,4 +120,3 @@ fn peak(c: DVec3) -> f64 {
 fn gray(c: DVec3) -> f64 {
     0.3 * c.x + 0.59 * c.y + 0.11 * c.z
 }
-

@@ -124,12 +124,8 @@ impl<'a> Tracer<'a, '_> {
         let middle = [0.5 * (from[0] + to[0]), 0.5 * (from[1] + to[1])];
         let below = level.saturating_sub(1);
         let mut sum = DVec3::ZERO;
-        for (a, b) in [
-            (from, middle),
-            ([middle[0], from[1]], [to[0], middle[1]]),
-            ([from[0], middle[1]], [middle[0], to[1]]),
-            (middle, to),
-        ] {
+        for (a, b) in [(from, middle), ([middle[0], from[1]], [to[0], middle[1]]), ([from[0], middle[1]], [middle[0], to[1]]), (middle, to)]
+        {
             sum += self.quarter(grid, a, b, below);
         }
         sum * 0.25

@@ -73,8 +73,7 @@ impl<'a> Tracer<'a, '_> {
         let world: &'a ClassicWorld = self.world;
         let ray = place.ray;
         let settings = world.settings();
-        let context =
-            Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
+        let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
         let (next, ratio) = beyond(&ray.inside, place.hit.object, old);
         let mut color = DVec3::ZERO;
