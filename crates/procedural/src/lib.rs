@@ -15,6 +15,7 @@ pub mod function;
 pub mod image_map;
 pub mod map;
 pub mod noise;
+mod noise_tables;
 pub mod normal;
 pub mod pattern;
 pub mod pigment;
@@ -31,7 +32,7 @@ pub use map::BlendMap;
 pub use normal::{Normal, NormalFill};
 pub use pattern::{Pattern, PatternKind};
 pub use pigment::{PatternedPigment, Pigment, PigmentFill};
-pub use spline::Spline;
+pub use spline::{Spline, SplineKind};
 pub use texture::{Layer, PatternedTexture, Texture, TextureFill};
 pub use warp::Warp;
 

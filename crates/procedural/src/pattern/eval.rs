@@ -13,10 +13,7 @@ impl Pattern {
         let generator = inner.noise_generator;
         match &self.kind {
             PatternKind::None | PatternKind::Average => 0.0,
-            PatternKind::Agate { turbulence } => {
-                let own = if *turbulence == 0.0 { 0.0 } else { turbulence * noise::turbulence(p, &self.walk(), generator) };
-                simple::agate(p, own)
-            }
+            PatternKind::Agate { turbulence } => noise::agate(p, *turbulence, &self.walk(), generator),
             PatternKind::Aoi => {
                 let cosine = inner.ray.dot(inner.normal).abs().min(1.0);
                 1.0 - fns::acos(cosine) / std::f64::consts::PI
@@ -27,15 +24,12 @@ impl Pattern {
             PatternKind::Crackle(_) => 0.0,
             PatternKind::Cylindrical => 1.0 - (p.x * p.x + p.z * p.z).sqrt().min(1.0),
             PatternKind::DensityFile(file) => file.value(p),
-            PatternKind::Dents => {
-                let n = noise::noise(p, generator);
-                n * n * n
-            }
+            PatternKind::Dents => noise::dents(p, generator),
             PatternKind::Facets { .. } => 0.0,
             PatternKind::Fractal(fractal) => fractal.value(p),
             PatternKind::Function(function) => function.eval(&p.to_array(), inner),
             PatternKind::Gradient(direction) => simple::gradient(p, *direction),
-            PatternKind::Granite => granite(p, generator),
+            PatternKind::Granite => noise::granite(p, generator),
             PatternKind::Image(image) => image.value(inner).unwrap_or(0.0),
             PatternKind::Leopard => simple::leopard(p),
             PatternKind::Marble => match &self.placement.turbulence {
@@ -61,7 +55,7 @@ impl Pattern {
                 };
                 simple::wood(p, turbulent)
             }
-            PatternKind::Wrinkles => wrinkles(p, generator),
+            PatternKind::Wrinkles => noise::wrinkles(p, generator),
             PatternKind::Brick { .. }
             | PatternKind::Checker
             | PatternKind::Cubic
@@ -88,16 +82,6 @@ impl Pattern {
 /// Gray value of a color, with POV-Ray's documented weights ("Color expressions").
 pub(crate) fn gray(c: &crate::Color) -> f64 {
     c.rgb.dot(DVec3::new(0.297, 0.589, 0.114))
-}
-
-fn granite(p: DVec3, generator: u8) -> f64 {
-    let _ = (p, generator);
-    0.5
-}
-
-fn wrinkles(p: DVec3, generator: u8) -> f64 {
-    let _ = (p, generator);
-    0.5
 }
 
 impl Slope {

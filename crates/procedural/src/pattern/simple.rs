@@ -65,12 +65,6 @@ pub(super) fn spiral2(p: DVec3, arms: f64, turbulence: f64) -> f64 {
     triangle(spiral1(p, arms, turbulence)) + triangle(radius)
 }
 
-/// `agate`, with the turbulence of its own.
-pub(super) fn agate(p: DVec3, turbulence: f64) -> f64 {
-    let v = 0.5 * (fns::sin(std::f64::consts::TAU * (1.3 * turbulence + 1.1 * p.z)) + 1.0);
-    fns::pow(v.max(0.0), 0.77)
-}
-
 /// `wood` with its turbulence: x and y swing by a sine of the turbulent place.
 pub(super) fn wood(p: DVec3, turbulent: Option<(DVec3, DVec3)>) -> f64 {
     let (mut x, mut y) = (p.x, p.y);

@@ -34,7 +34,9 @@ impl Parser {
             "final_clock" => Some(Num::float(o.clocks[1])),
             "image_width" => Some(Num::float(f64::from(o.size[0]))),
             "image_height" => Some(Num::float(f64::from(o.size[1]))),
-            "version" => Some(Num::float(f64::from(self.version) / 100.0)),
+            // Without `#version` a scene is one of before 3.7, but this says 3.7 all the same: an include file that sets it back
+            // makes the scene one of 3.7 (measured).
+            "version" => Some(Num::float(f64::from(if self.version == 362 { 370 } else { self.version }) / 100.0)),
             "now" => Some(Num::float(super::strings::days_since_2000())),
             _ => None,
         };
