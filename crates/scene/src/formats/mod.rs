@@ -3,8 +3,8 @@
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
-pub mod pov;
 mod picture_size;
+pub mod pov;
 mod resolver;
 mod summary;
 
