@@ -1,11 +1,14 @@
 //! Readers and writers of scene formats, one folder each. [`read`] picks the reader by the file's name and content.
 
+mod cie;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
-pub mod pov;
+pub mod pbrt;
 mod picture_size;
+pub mod pov;
 mod resolver;
+mod spectrum;
 mod summary;
 
 pub use resolver::{ResolveError, Resolver};
@@ -30,7 +33,7 @@ pub struct ReadOptions {
     pub scene: Option<String>,
 }
 
-/// Reads a scene of any format: `.xml` (Mitsuba), `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
+/// Reads a scene of any format: `.xml` (Mitsuba), `.pbrt`, `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
 /// the file has none; loads its meshes and checks it.
 ///
 /// # Errors
@@ -39,10 +42,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let desc = match extension.as_str() {
         "xml" => mitsuba::read(path, options)?,
+        "pbrt" => pbrt::read(path, options)?,
         "gltf" | "glb" => gltf::read(path, options)?,
         "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
         _ => {
-            let reason = "not a scene format that etendue reads (xml, gltf, glb, obj, ply, stl)".to_owned();
+            let reason = "not a scene format that etendue reads (xml, pbrt, gltf, glb, obj, ply, stl)".to_owned();
             return Err(ReadError::Unsupported { path: path.to_owned(), reason });
         }
     };

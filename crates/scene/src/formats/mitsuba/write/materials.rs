@@ -112,6 +112,7 @@ impl Writer<'_> {
             TextureDesc::Multiply { a, b } => return self.stand_in(span, &id, &[*a, *b], "product of textures"),
             TextureDesc::Mix { a, b, .. } => return self.stand_in(span, &id, &[*a, *b], "mix of textures"),
             TextureDesc::Affine { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "scaled texture"),
+            TextureDesc::Power { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "power of a texture"),
         }
         self.xml.close();
         Ok(())
@@ -182,10 +183,16 @@ impl Writer<'_> {
                 self.lose(span, "rough diffuse bsdf", "diffuse");
                 self.xml.open("bsdf", "diffuse", &id);
             }
+            BsdfDesc::DiffuseTransmission { .. } => {
+                self.lose(span, "diffuse transmission", "diffuse reflection");
+                self.xml.open("bsdf", "diffuse", &id);
+            }
             value => self.xml.open("bsdf", value.type_name(), &id),
         }
         match &node.value {
-            BsdfDesc::Diffuse { reflectance, .. } => self.color("reflectance", *reflectance),
+            BsdfDesc::Diffuse { reflectance, .. } | BsdfDesc::DiffuseTransmission { reflectance, .. } => {
+                self.color("reflectance", *reflectance);
+            }
             BsdfDesc::Conductor { eta, k, specular_reflectance, roughness } => {
                 match eta {
                     Some(eta) => {

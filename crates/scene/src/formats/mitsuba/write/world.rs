@@ -5,7 +5,9 @@ use std::io;
 use glam::{Mat4, Vec3};
 
 use super::Writer;
-use crate::desc::{CameraDesc, FilterDesc, FovAxis, GeometryDesc, LightDesc, Node, ProjectionDesc, ShapeDesc, ShapeId, SpotFalloff};
+use crate::desc::{
+    CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, Node, ProjectionDesc, ShapeDesc, ShapeId, SpotFalloff,
+};
 use crate::formats::mesh::ply_write;
 use crate::span::{FileId, Span};
 
@@ -323,7 +325,10 @@ impl Writer<'_> {
                 self.xml.open("emitter", "constant", "");
                 self.xml.triple("rgb", "radiance", *radiance);
             }
-            LightDesc::Environment { image, scale, world_from_light } => {
+            LightDesc::Environment { image, scale, world_from_light, mapping } => {
+                if *mapping != EnvironmentMapping::Equirectangular {
+                    self.lose(span, "environment map of another mapping than latitude and longitude", "the picture as it is");
+                }
                 let name = self.image(*image)?;
                 if scale[0] != scale[1] || scale[1] != scale[2] {
                     self.lose(span, "color of an environment light", "its mean");
