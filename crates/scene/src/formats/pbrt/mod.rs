@@ -77,6 +77,8 @@ struct Reader {
     meshes: HashMap<PathBuf, crate::desc::MeshId>,
     /// The medium outside when the camera was made.
     camera_medium: Option<MediumId>,
+    /// Triangles of subdivided meshes so far.
+    subdivided: usize,
     includes: u32,
     depth: u32,
 }
@@ -101,6 +103,7 @@ impl Reader {
             images: HashMap::new(),
             meshes: HashMap::new(),
             camera_medium: None,
+            subdivided: 0,
             includes: 0,
             depth: 0,
         }

@@ -11,6 +11,8 @@ use crate::desc::{
     AddNode, BsdfDesc, Color, EmissionDesc, GeometryDesc, MeshData, MeshDesc, MeshFormat, Node, Scalar, ShapeDesc, TextureDesc,
 };
 
+/// Most triangles that all subdivided meshes of a scene may have.
+const SUBDIVIDED_LIMIT: usize = 20_000_000;
 /// Steps of tessellation round a whole circle.
 const STEPS: u32 = 96;
 
@@ -260,9 +262,16 @@ impl Reader {
             r.error(p.span, "a loopsubdiv needs points `P`, and `indices` of which each three make a triangle");
             return None;
         }
+        if self.subdivided > SUBDIVIDED_LIMIT {
+            self.error(p.span, format!("the subdivided meshes of this scene have more than {SUBDIVIDED_LIMIT} triangles"));
+            return None;
+        }
         let triangles: Vec<[u32; 3]> = indices.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
         match subdivide(&positions, &triangles, levels) {
-            Ok(data) => Some(self.mesh(data, p)),
+            Ok(data) => {
+                self.subdivided += data.triangles.len();
+                Some(self.mesh(data, p))
+            }
             Err(fault) => {
                 let message = match fault {
                     SubdivisionFault::NotAManifold => "an edge of the control mesh has more than two triangles",
