@@ -281,3 +281,37 @@ fn deep_and_long_files_end_in_bounded_time() {
     assert!(parse(&"\u{0}\"[".repeat(10_000)).is_err());
     assert!(start.elapsed() < Duration::from_secs(5));
 }
+
+#[test]
+fn what_is_written_reads_the_same() {
+    let folder = TempFolder::new("pbrt-write");
+    let first = world(
+        "AttributeBegin Translate 1 2 3 Material \"dielectric\" \"float eta\" 1.4 \"float roughness\" 0.04 Shape \"sphere\" AttributeEnd\n\
+         Material \"conductor\" \"spectrum eta\" \"metal-Ag-eta\" \"spectrum k\" \"metal-Ag-k\" \"float uroughness\" 0.01 \"float vroughness\" 0.04\n\
+         AreaLightSource \"diffuse\" \"rgb L\" [1 2 3] \"bool twosided\" true Shape \"trianglemesh\" \"point3 P\" [0 0 0 1 0 0 0 1 0]\n\
+         ObjectBegin \"o\" Shape \"disk\" ObjectEnd Translate 0 0 4 ObjectInstance \"o\"\n\
+         LightSource \"distant\" \"rgb L\" [3 3 3] LightSource \"spot\" \"float coneangle\" 40",
+    );
+    let path = folder.path().join("again.pbrt");
+    let report = pbrt::write(&first, &path).unwrap();
+    assert!(report.losses.is_empty(), "{:?}", report.losses);
+    let again = read(&path, &ReadOptions::default()).unwrap();
+    assert_eq!((again.shapes.len(), again.instances.len(), again.lights.len()), (3, 1, 2));
+    // Groups are written first.
+    let order = [2, 0, 1];
+    for (i, node) in again.shapes.iter().enumerate() {
+        let old = &first.shapes[order[i]].value;
+        assert!(node.value.world_from_object.abs_diff_eq(old.world_from_object, 1e-6), "{i}");
+        assert_eq!(node.value.emission, old.emission);
+        let model = |d: &SceneDesc, s: &ShapeDesc| match &d[s.bsdf.unwrap()].value {
+            BsdfDesc::TwoSided { front, .. } => d[*front].value.clone(),
+            other => other.clone(),
+        };
+        assert_eq!(model(&again, &node.value), model(&first, old));
+    }
+    assert!(again.cameras[0].value.world_from_camera.abs_diff_eq(first.cameras[0].value.world_from_camera, 1e-6));
+    let second = folder.path().join("second.pbrt");
+    pbrt::write(&again, &second).unwrap();
+    let text = |p: &Path| std::fs::read_to_string(p).unwrap().replace("second_files", "again_files");
+    assert_eq!(text(&second).lines().count(), text(&path).lines().count());
+}

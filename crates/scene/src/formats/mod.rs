@@ -1,6 +1,7 @@
 //! Readers and writers of scene formats, one folder each. [`read`] picks the reader by the file's name and content.
 
 mod cie;
+mod exr;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
@@ -8,8 +9,10 @@ pub mod pbrt;
 mod picture_size;
 pub mod pov;
 mod resolver;
+mod sidecar;
 mod spectrum;
 mod summary;
+mod tessellate;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};

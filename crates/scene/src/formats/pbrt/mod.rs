@@ -21,6 +21,9 @@ mod spectrum;
 mod state;
 mod subdivision;
 mod texture;
+mod write;
+
+pub use write::write;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
