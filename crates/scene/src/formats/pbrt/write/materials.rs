@@ -123,10 +123,21 @@ impl Writer<'_> {
         }
     }
 
+    /// The number of the named material for a model: opaque ones are two-sided in pbrt without a word.
+    pub(super) fn material_number(&self, id: BsdfId) -> u32 {
+        match self.desc[id].value {
+            BsdfDesc::TwoSided { front, back } if front == back => front.0,
+            _ => id.0,
+        }
+    }
+
     /// A model as the named material `m{i}`.
     pub(super) fn bsdf(&mut self, i: usize) -> io::Result<()> {
         let desc = self.desc;
         let node = &desc.bsdfs[i];
+        if self.material_number(BsdfId(i as u32)) != i as u32 {
+            return Ok(());
+        }
         let mut modifiers = Vec::new();
         // Wrappers of pbrt are parameters of what they wrap; the same wrapper never comes twice on one way down.
         let mut at = BsdfId(i as u32);
@@ -248,7 +259,12 @@ impl Writer<'_> {
             BsdfDesc::Pbr(p) => self.pbr(p, span),
             BsdfDesc::Blend { first, second, weight } => {
                 self.string("type", "mix");
-                let _ = write!(self.text, " \"string materials\" [\"m{}\" \"m{}\"]", first.0, second.0);
+                let _ = write!(
+                    self.text,
+                    " \"string materials\" [\"m{}\" \"m{}\"]",
+                    self.material_number(*first),
+                    self.material_number(*second)
+                );
                 self.scalar("amount", *weight);
             }
             BsdfDesc::Null => self.string("type", "interface"),

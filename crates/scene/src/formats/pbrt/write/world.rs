@@ -179,7 +179,7 @@ impl Writer<'_> {
             self.line("ReverseOrientation");
         }
         if let Some(id) = shape.bsdf {
-            self.line(&format!("NamedMaterial \"m{}\"", id.0));
+            self.line(&format!("NamedMaterial \"m{}\"", self.material_number(id)));
             if let BsdfDesc::Mask { opacity, .. } = &desc[id].value {
                 match opacity {
                     Scalar::Constant(v) => {
