@@ -42,6 +42,7 @@ impl SceneArgs {
             defines: self.defines.iter().cloned().collect(),
             variant: self.variant.clone(),
             scene: self.gltf_scene.clone(),
+            ..ReadOptions::default()
         };
         let mut desc = formats::read(&self.scene, &options)?;
         desc.report.losses.extend(etendue_render::scene::losses(&desc));

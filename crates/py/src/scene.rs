@@ -74,7 +74,7 @@ impl Scene {
 }
 
 fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, variant: Option<String>, scene: Option<String>) -> ReadOptions {
-    ReadOptions { search_paths, defines, variant, scene }
+    ReadOptions { search_paths, defines, variant, scene, ..ReadOptions::default() }
 }
 
 /// Reads in the background and wraps the result.

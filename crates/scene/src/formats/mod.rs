@@ -34,9 +34,11 @@ pub struct ReadOptions {
     pub variant: Option<String>,
     /// The scene of a glTF file, by name or number.
     pub scene: Option<String>,
+    /// What scenes of POV-Ray may ask and do.
+    pub pov: pov::PovOptions,
 }
 
-/// Reads a scene of any format: `.xml` (Mitsuba), `.pbrt`, `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
+/// Reads a scene of any format: `.xml` (Mitsuba), `.pov` (POV-Ray), `.pbrt`, `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
 /// the file has none; loads its meshes and checks it.
 ///
 /// # Errors
@@ -46,10 +48,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
     let desc = match extension.as_str() {
         "xml" => mitsuba::read(path, options)?,
         "pbrt" => pbrt::read(path, options)?,
+        "pov" | "inc" => pov::read(path, options)?,
         "gltf" | "glb" => gltf::read(path, options)?,
         "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
         _ => {
-            let reason = "not a scene format that etendue reads (xml, pbrt, gltf, glb, obj, ply, stl)".to_owned();
+            let reason = "not a scene format that etendue reads (xml, pov, pbrt, gltf, glb, obj, ply, stl)".to_owned();
             return Err(ReadError::Unsupported { path: path.to_owned(), reason });
         }
     };

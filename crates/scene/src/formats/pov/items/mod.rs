@@ -16,3 +16,4 @@ mod pigment;
 mod settings;
 mod solids;
 mod texture;
+pub(crate) use object::OBJECT_WORDS;
