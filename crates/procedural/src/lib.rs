@@ -14,6 +14,7 @@ pub mod function;
 pub mod image_map;
 pub mod map;
 pub mod noise;
+mod noise_tables;
 pub mod normal;
 pub mod pattern;
 pub mod pigment;
