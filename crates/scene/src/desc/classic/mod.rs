@@ -6,15 +6,21 @@
 
 mod atmosphere;
 mod camera;
+mod function_solids;
 mod interior;
+mod large_solids;
 mod light;
 mod object;
+mod solid;
 
 pub use atmosphere::*;
 pub use camera::*;
+pub use function_solids::*;
 pub use interior::*;
+pub use large_solids::*;
 pub use light::*;
 pub use object::*;
+pub use solid::*;
 
 use std::path::PathBuf;
 use std::sync::Arc;
