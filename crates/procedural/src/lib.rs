@@ -32,14 +32,9 @@ pub use map::BlendMap;
 pub use normal::{Normal, NormalFill};
 pub use pattern::{Pattern, PatternKind};
 pub use pigment::{PatternedPigment, Pigment, PigmentFill};
-pub use spline::Spline;
+pub use spline::{Spline, SplineKind};
 pub use texture::{Layer, PatternedTexture, Texture, TextureFill};
 pub use warp::Warp;
-pub use normal::Normal;
-pub use pattern::Pattern;
-pub use pigment::Pigment;
-pub use spline::{Spline, SplineKind};
-pub use texture::{Layer, Texture};
 
 /// Number of an object that patterns ask about (`object { … }` patterns): index into the scene's list of pattern objects.
 pub type ObjectId = u32;
