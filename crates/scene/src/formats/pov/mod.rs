@@ -15,6 +15,7 @@ mod dispatch;
 mod expression;
 mod expression_function;
 mod files;
+mod fonts;
 mod items;
 mod lexer;
 mod options;
