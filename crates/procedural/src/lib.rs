@@ -8,29 +8,33 @@
 
 pub mod color;
 pub mod context;
+mod default_colors;
 pub mod finish;
 pub mod fns;
 pub mod function;
 pub mod image_map;
 pub mod map;
 pub mod noise;
+mod noise_tables;
 pub mod normal;
 pub mod pattern;
 pub mod pigment;
 pub mod spline;
 pub mod texture;
+pub mod warp;
 
 pub use color::Color;
 pub use context::{Context, Images, Inside};
-pub use finish::Finish;
+pub use finish::{Finish, Irid, OldInterior, Reflection};
 pub use function::Function;
 pub use image_map::ImageMap;
 pub use map::BlendMap;
-pub use normal::Normal;
-pub use pattern::Pattern;
-pub use pigment::Pigment;
+pub use normal::{Normal, NormalFill};
+pub use pattern::{Pattern, PatternKind};
+pub use pigment::{PatternedPigment, Pigment, PigmentFill};
 pub use spline::{Spline, SplineKind};
-pub use texture::{Layer, Texture};
+pub use texture::{Layer, PatternedTexture, Texture, TextureFill};
+pub use warp::Warp;
 
 /// Number of an object that patterns ask about (`object { … }` patterns): index into the scene's list of pattern objects.
 pub type ObjectId = u32;

@@ -35,7 +35,7 @@ impl Parser {
             "final_clock" => Some(Num::float(o.clocks[1])),
             "image_width" => Some(Num::float(f64::from(o.size[0]))),
             "image_height" => Some(Num::float(f64::from(o.size[1]))),
-            "version" => Some(Num::float(f64::from(self.version) / 100.0)),
+            "version" => Some(Num::float(f64::from(self.stated_version) / 100.0)),
             "now" => Some(Num::float(super::strings::days_since_2000())),
             _ => None,
         };
@@ -118,7 +118,7 @@ impl Parser {
                 let a = self.string_value()?;
                 self.comma()?;
                 let b = self.string_value()?;
-                f64::from(a.as_bytes().cmp(b.as_bytes()) as i32)
+                byte_difference(a.as_bytes(), b.as_bytes())
             }
             "strlen" => self.string_value()?.chars().count() as f64,
             "asc" => self.string_value()?.chars().next().map_or(0.0, |c| f64::from(u32::from(c))),
@@ -157,7 +157,15 @@ impl Parser {
         let a = self.full_float()?;
         Ok(match word {
             "abs" => a.abs(),
+            "acos" if a.abs() > 1.0 => {
+                self.warning(span, format!("the arc cosine of {a} is no number; 0 is taken"));
+                0.0
+            }
             "acos" => fns::acos(a),
+            "asin" if a.abs() > 1.0 => {
+                self.warning(span, format!("the arc sine of {a} is no number; 0 is taken"));
+                0.0
+            }
             "acosh" => fns::acosh(a),
             "asin" => fns::asin(a),
             "asinh" => fns::asinh(a),
@@ -171,10 +179,9 @@ impl Parser {
             "degrees" => a.to_degrees(),
             "div" => {
                 let b = self.argument_float(false)?;
-                if b == 0.0 {
-                    return Err(self.error(span, "division by zero"));
-                }
-                (a / b).trunc()
+                // The quotient becomes a C `int`; what does not fit is its least number (measured).
+                let q = (a / b).trunc();
+                if q.abs() < 2_147_483_648.0 { q } else { -2_147_483_648.0 }
             }
             "exp" => fns::exp(a),
             "floor" => a.floor(),
@@ -187,9 +194,6 @@ impl Parser {
             }
             "mod" => {
                 let b = self.argument_float(false)?;
-                if b == 0.0 {
-                    return Err(self.error(span, "division by zero"));
-                }
                 a % b
             }
             "pow" => fns::pow(a, self.argument_float(false)?),
@@ -324,4 +328,11 @@ impl Parser {
         let value = kind.map_or_else(|| s.eval(t), |k| s.with_kind(k).eval(t));
         Ok(Num::vector(&value[..s.components()]))
     }
+}
+
+/// The difference of the first bytes in which two strings differ, as `strcmp` gives it (measured: "abc" after "ab" by 99).
+fn byte_difference(a: &[u8], b: &[u8]) -> f64 {
+    let at = a.iter().zip(b).position(|(x, y)| x != y).unwrap_or(a.len().min(b.len()));
+    let byte = |s: &[u8]| s.get(at).map_or(0.0, |x| f64::from(*x));
+    byte(a) - byte(b)
 }

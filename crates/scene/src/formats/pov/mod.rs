@@ -15,6 +15,7 @@ mod dispatch;
 mod expression;
 mod expression_function;
 mod files;
+mod fonts;
 mod items;
 mod lexer;
 mod options;
@@ -81,6 +82,7 @@ fn read_here(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<SceneDe
     let result = parser.declare_options().and_then(|()| parser.parse_scene());
     parser.write_files();
     let size = parser.options.size;
+    parser.scene.settings.version = parser.version();
     let mut desc = SceneDesc { format: "pov".to_owned(), files: parser.files.paths, report: parser.report, ..SceneDesc::default() };
     if result.is_err() || desc.report.has_errors() {
         return Err(ReadError::Invalid { files: desc.files, faults: desc.report.faults });
@@ -88,5 +90,6 @@ fn read_here(path: &Path, bytes: &[u8], options: &ReadOptions) -> Result<SceneDe
     desc.film.width = Some(size[0]);
     desc.film.height = Some(size[1]);
     desc.classic = Some(Box::new(parser.scene));
+    desc.integrator.name = "whitted".to_owned();
     Ok(desc)
 }

@@ -39,8 +39,8 @@ pub struct PovOptions {
     pub clocks: [f64; 2],
     /// `image_width`, `image_height`, in pixels.
     pub size: [u32; 2],
-    /// The version of the language before the first `#version`: 3.7 is 370.
-    pub version: u32,
+    /// The version of the language before the first `#version`: 3.7 is 370. `None`: 3.62, as POV-Ray 3.7 has it.
+    pub version: Option<u32>,
     /// Answers `trace`, `inside` and `min_extent`.
     pub probe: Option<Arc<dyn Probe>>,
     /// The only folder in which `#fopen … write` makes files; `None` keeps them in memory.
@@ -61,11 +61,11 @@ impl Default for PovOptions {
             declares: Vec::new(),
             clock: 0.0,
             is_animation: false,
-            frame: 1,
-            frames: [1, 1],
-            clocks: [0.0, 1.0],
+            frame: 0,
+            frames: [0, 0],
+            clocks: [0.0, 0.0],
             size: [320, 240],
-            version: 362,
+            version: None,
             probe: None,
             output_folder: None,
             messages: None,

@@ -73,6 +73,8 @@ pub struct Parser {
     /// Bytes of all strings made so far.
     pub(super) string_bytes: u64,
     pub(super) version: u32,
+    /// What the word `version` stands for: 3.7 before the first `#version`, though the scene is then read as one of 3.62.
+    pub(super) stated_version: u32,
     pub(super) streams: Streams,
     pub(super) default: Arc<Texture>,
     /// Whether the scene has a camera.
@@ -103,6 +105,7 @@ impl Parser {
             living_elements: Arc::default(),
             string_bytes: 0,
             version: 362,
+            stated_version: 370,
             streams: Streams::default(),
             default: Arc::new(Texture::Layers(vec![Layer::default()])),
             has_camera: false,
