@@ -70,11 +70,6 @@ impl Files {
     }
 }
 
-fn is_font(name: &str) -> bool {
-    let name = name.to_lowercase();
-    [".ttf", ".otf", ".ttc"].iter().any(|e| name.ends_with(e))
-}
-
 /// The name of a file that differs in letter case only, relative to a folder.
 fn other_case(folder: &Path, name: &str) -> Option<String> {
     let mut path = folder.to_path_buf();
@@ -136,12 +131,6 @@ impl Parser {
     pub(super) fn read_file(&mut self, name: &str, extensions: &[&str], span: Span) -> Parse<Vec<u8>> {
         if let Some(bytes) = self.files.written.get(name) {
             return Ok(bytes.clone());
-        }
-        if is_font(name) && !self.file_is_there(name) && !self.file_is_there(&format!("{name}.ttf")) {
-            if let Some(path) = super::fonts::substitute(name, &super::library_folders()) {
-                self.warning(span, format!("no font `{name}`; `{}` takes its place", path.display()));
-                return self.read_path(&path, span);
-            }
         }
         let path = self.find_file(name, extensions, span)?;
         self.read_path(&path, span)

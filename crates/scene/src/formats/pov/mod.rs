@@ -16,7 +16,6 @@ mod expression;
 mod expression_function;
 mod files;
 mod fonts;
-mod fonts;
 mod items;
 mod lexer;
 mod options;
