@@ -5,6 +5,7 @@ use glam::DVec3;
 use std::sync::Arc;
 
 use super::expression::{rotation, rotation_about};
+use super::items::{SPLINE_WORDS, spline_kind};
 use super::parser::{Parse, Parser, Token};
 use super::value::{Num, Value};
 use crate::desc::classic::Object;
@@ -307,17 +308,20 @@ impl Parser {
         }
         let mut context = Context::at(DVec3::ZERO);
         context.noise_generator = self.scene.settings.noise_generator;
-        Ok(Num::float(f.eval(&arguments, &context)))
+        let value = f.eval_vector(&arguments, &context);
+        Ok(Num::vector(&value[..f.components()]))
     }
 
     /// `Spline(t)` or `Spline(t, type)`.
     pub(super) fn call_spline(&mut self, s: &Arc<Spline>) -> Parse<Num> {
         self.expect("(")?;
         let t = self.full_float()?;
+        let mut kind = None;
         if self.accept(",")? {
-            self.next()?;
+            kind = self.accept_any(SPLINE_WORDS)?.and_then(spline_kind);
         }
         self.expect(")")?;
-        Ok(Num::vector(&s.eval(t)[..3]))
+        let value = kind.map_or_else(|| s.eval(t), |k| s.with_kind(k).eval(t));
+        Ok(Num::vector(&value[..s.components()]))
     }
 }

@@ -18,4 +18,5 @@ mod pigment;
 mod settings;
 mod solids;
 mod texture;
+pub(crate) use function::{SPLINE_WORDS, spline_kind};
 pub(crate) use object::OBJECT_WORDS;
