@@ -82,7 +82,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let denoiser = if args.denoise { Some(Denoiser::load().map_err(|e| coded(exit::FAILURE, e))?) } else { None };
     let denoise = denoiser.as_ref().map(|d| (d, DenoiseOptions { threads: args.threads, ..DenoiseOptions::default() }));
     let settings = &args.settings.0;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build().context("the threads could not be started")?;
+    // Classic scenes follow up to 256 rays into each other.
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).stack_size(32 << 20).build().context("the threads could not be started")?;
     let start = Instant::now();
     let desc = pool.install(|| args.scene.read())?;
     if !args.quiet {

@@ -14,6 +14,10 @@ pub struct CameraRay {
     pub ray: Ray,
     /// What the pixel's radiance is multiplied by: 1 for all present cameras.
     pub weight: f32,
+    /// The point of the picture, in pixels from the upper left corner.
+    pub picture: Vec2,
+    /// Where on the lens, in [0, 1)².
+    pub u_lens: Vec2,
     /// Angle of the cone that a pixel spans, in radians (Akenine-Möller et al. 2019, Ray Tracing Gems ch. 20).
     pub spread_rad: f32,
 }
@@ -106,7 +110,7 @@ impl Camera {
         let stretch = d_world.length();
         let t_max = if self.far.is_finite() { scale(self.far) * stretch } else { f32::INFINITY };
         let ray = Ray { o: o_world, d: d_world / stretch, t_min: scale(self.near) * stretch, t_max };
-        CameraRay { ray, weight: 1.0, spread_rad: self.spread_rad }
+        CameraRay { ray, weight: 1.0, picture, u_lens, spread_rad: self.spread_rad }
     }
 }
 

@@ -23,8 +23,8 @@ const MIN_THROUGHPUT: f32 = 1.0 / 1024.0;
 /// The recursive ray tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct Whitted {
-    /// Recursion level: how many mirrors and refractions a ray may meet.
-    pub max_depth: u32,
+    /// Recursion level: how many mirrors and refractions a ray may meet; `None`: as many as a classic scene says, else 8.
+    pub max_depth: Option<u32>,
 }
 
 /// A ray to be followed.
@@ -37,6 +37,11 @@ struct Pending {
 
 impl Integrator for Whitted {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+        if let Some(classic) = &scene.classic {
+            let (picture, lens) = (camera_ray.picture.as_dvec2(), camera_ray.u_lens.as_dvec2());
+            classic.estimate(picture, lens, self.max_depth, stream, out);
+            return;
+        }
         let first = Pending { ray: camera_ray.ray, throughput: Spectrum::splat(camera_ray.weight), depth: 0, medium: NONE };
         // A stack of our own: the recursion level is the user's, the thread's stack is not.
         let mut pending = vec![first];
@@ -75,7 +80,7 @@ impl Integrator for Whitted {
                     }
                 }
             }
-            if at.depth < self.max_depth {
+            if at.depth < self.max_depth.unwrap_or(8) {
                 for part in &scatter.parts {
                     branch(scene, &s, wo, part, throughput, &at, &mut pending);
                 }

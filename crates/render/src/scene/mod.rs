@@ -15,6 +15,7 @@ use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
 use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
+use crate::classic::ClassicWorld;
 use crate::light::{Light, LightSample, LightSampler};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
@@ -67,6 +68,10 @@ pub struct Scene {
     pub mipmap: bool,
     /// Lights do not show where the camera looks at them.
     pub hide_lights: bool,
+    /// The scene of the classic model, where the description has one; all else is then empty.
+    pub classic: Option<Box<ClassicWorld>>,
+    /// Sentences about what could not be loaded and is left out.
+    pub warnings: Vec<String>,
 }
 
 impl Scene {

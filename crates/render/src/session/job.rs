@@ -13,6 +13,8 @@ use crate::scene;
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
+/// The same for scenes of the classic model, which has no noise to speak of: a grid of three by three.
+pub const CLASSIC_SPP: u32 = 9;
 /// The size of a picture where neither the user nor the file says.
 pub const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 /// What chooses lights for next-event estimation.
@@ -77,18 +79,20 @@ impl Plan {
             Some(name) => Filter::from_name(name).ok_or_else(|| {
                 JobError::Setting(format!("no filter `{name}`; there are box, tent, gaussian, mitchell, blackman-harris, lanczos"))
             })?,
+            None if desc.classic.is_some() => Filter::BOX,
             None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
             (Some(name), _) => SamplerKind::from_name(name)
                 .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
+            (None, _) if desc.classic.is_some() => SamplerKind::Stratified,
             (None, _) => SamplerKind::Sobol,
         };
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
             return Err(JobError::Setting(format!("no light sampler `{name}`; there are {}", LIGHT_SAMPLERS.join(", "))));
         }
-        let spp = settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP);
+        let spp = settings.spp.or(film.spp).unwrap_or(if desc.classic.is_some() { CLASSIC_SPP } else { DEFAULT_SPP });
         if spp == 0 {
             return Err(JobError::Setting("a picture needs at least one sample per pixel".into()));
         }
@@ -132,6 +136,9 @@ fn filter(desc: FilterDesc) -> Filter {
 /// # Errors
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
+    if desc.classic.is_some() && plan.integrator != "whitted" {
+        return Err(JobError::Setting(format!("`{}` cannot render POV-Ray scenes yet; `whitted` can", plan.integrator)));
+    }
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp: plan.spp };

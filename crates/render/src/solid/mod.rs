@@ -3,9 +3,49 @@
 //! A solid answers four questions: where a line crosses its surface (all crossings, so that combinations and shadows through
 //! transparent things can be told), whether a point is inside, its normal, and its surface coordinates. [`World`] holds all objects of a scene in a
 //! hierarchy of boxes.
+//!
+//! ```text
+//! objects ─tree→ leaves (what is inherited filled in, placed in world space) under nodes (union, intersection, merge) ─bvh→ World
+//! ```
+
+mod bounds;
+mod bvh;
+mod compile;
+mod cone;
+mod cuboid;
+pub mod curve;
+mod disc;
+pub mod lathe;
+#[cfg(test)]
+mod measured;
+mod mesh;
+mod plane;
+pub mod poly;
+mod polygon;
+pub mod prism;
+mod probe;
+mod quadric;
+pub mod roots;
+mod sphere;
+mod text;
+mod torus;
+mod trace;
+mod tree;
+mod triangle;
+mod world;
+
+#[cfg(test)]
+mod testing;
+#[cfg(test)]
+mod tests;
+
+pub use bounds::Bounds;
+pub use probe::WorldProbe;
+pub use world::World;
 
 use std::sync::Arc;
 
+use etendue_procedural::Texture;
 use etendue_scene::desc::classic::Object;
 use glam::{DVec2, DVec3};
 
@@ -20,6 +60,7 @@ pub struct Line {
 
 impl Line {
     /// The point at `t`.
+    #[inline]
     pub fn at(&self, t: f64) -> DVec3 {
         self.o + self.d * t
     }
@@ -36,13 +77,12 @@ pub struct Crossing {
     pub uv: DVec2,
 }
 
-/// A box in double precision; infinite along unbounded directions.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
-    /// Lower corner.
-    pub min: DVec3,
-    /// Upper corner.
-    pub max: DVec3,
+impl Crossing {
+    /// A crossing with a part that needs no parameters.
+    #[inline]
+    pub fn new(t: f64, part: u32) -> Self {
+        Self { t, part, uv: DVec2::ZERO }
+    }
 }
 
 /// A shape in its own space.
@@ -51,12 +91,39 @@ pub trait Primitive: Send + Sync {
     fn bounds(&self) -> Bounds;
     /// Pushes all crossings with `t_min` < t < `t_max`, in any order. Solids must report both ends of every interval inside.
     fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>);
-    /// Whether a point is inside; always false for shapes without inside (disc, mesh without `inside_vector`, …).
+    /// Whether a point is inside; always false for shapes without inside (triangle, mesh without `inside_vector`, …).
     fn inside(&self, p: DVec3) -> bool;
     /// The unit normal at a crossing, to the outside (for surfaces without inside: as POV-Ray's).
     fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3;
     /// Surface coordinates at a crossing, for `uv_mapping`; (0, 0) where the shape has none.
     fn uv(&self, p: DVec3, crossing: &Crossing) -> DVec2;
+
+    /// The nearest crossing with `t_min` < t < `t_max`. `scratch` may be used and is left as it was found.
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+        let start = scratch.len();
+        self.crossings(line, t_min, t_max, scratch);
+        let nearest = scratch[start..].iter().copied().min_by(|a, b| a.t.total_cmp(&b.t));
+        scratch.truncate(start);
+        nearest
+    }
+    /// A box that holds the inside; differs from [`Primitive::bounds`] where the inside goes on beyond the surface (discs).
+    fn inside_bounds(&self) -> Bounds {
+        self.bounds()
+    }
+    /// The unit normal of the true surface on the side of [`Primitive::normal`]; differs on smooth triangles.
+    fn geometric_normal(&self, p: DVec3, crossing: &Crossing) -> DVec3 {
+        self.normal(p, crossing)
+    }
+    /// Textures of its own parts (triangles, blob components) in the solid's space; those of [`Primitive::part_textures`] by index.
+    fn own_textures(&self) -> Vec<Arc<Texture>> {
+        Vec::new()
+    }
+    /// Visits the textures at a crossing with their weights (sum 1): an index of [`Primitive::own_textures`], or `None` for the
+    /// object's. Called only where there are own textures.
+    fn part_textures(&self, p: DVec3, crossing: &Crossing, visit: &mut dyn FnMut(f64, Option<usize>)) {
+        let _ = (p, crossing);
+        visit(1.0, None);
+    }
 }
 
 /// A hit in world space.
@@ -76,6 +143,8 @@ pub struct SolidHit<'a> {
     pub object: &'a Object,
     /// Number of the leaf, the same for all hits of one leaf.
     pub leaf: u32,
+    /// Where on the primitive, in its own terms.
+    pub(crate) crossing: Crossing,
 }
 
 /// Which rays see an object.
@@ -91,32 +160,4 @@ pub enum RayKind {
     Radiosity,
     /// Of photons: everything is there.
     Photon,
-}
-
-/// All objects of a scene.
-pub struct World {
-    objects: Vec<Arc<Object>>,
-}
-
-impl World {
-    /// Prepares objects for tracing.
-    pub fn new(objects: &[Arc<Object>]) -> Self {
-        Self { objects: objects.to_vec() }
-    }
-
-    /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
-    pub fn nearest(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
-        let _ = (line, t_min, t_max, kind, &self.objects);
-        None
-    }
-
-    /// Visits hits with `t_min` < t < `t_max` in no particular order until `visit` returns false: for shadow rays.
-    pub fn visit(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) {
-        let _ = (line, t_min, t_max, kind, visit);
-    }
-
-    /// The objects (leaves with interiors and textures filled in) that a point is inside of.
-    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
-        let _ = (p, visit);
-    }
 }

@@ -60,6 +60,20 @@ pub struct CameraDesc {
     pub far: f32,
 }
 
+impl Default for CameraDesc {
+    /// A pinhole camera of 90 degrees at the origin.
+    fn default() -> Self {
+        let projection = ProjectionDesc::Perspective {
+            fov_rad: std::f32::consts::FRAC_PI_2,
+            fov_axis: FovAxis::X,
+            aperture_radius: 0.0,
+            focus_distance: 1.0,
+            principal_point_offset: [0.0; 2],
+        };
+        Self { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+    }
+}
+
 /// A reconstruction filter; names and parameters as in Mitsuba 3.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum FilterDesc {

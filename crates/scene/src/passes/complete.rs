@@ -11,6 +11,10 @@ use crate::span::{FileId, Span};
 /// Adds a camera that frames the whole scene in a three-quarter view, and soft light from everywhere with a directional key light, where
 /// the file has none. Either is told by a warning in the report. Meshes must be loaded.
 pub fn complete(desc: &mut SceneDesc) {
+    // Scenes of the classic model have their own camera; without light they are meant to be dark.
+    if desc.classic.is_some() {
+        return;
+    }
     let span = Span::file(FileId(0));
     let needs_light = desc.lights.is_empty() && !desc.shapes.iter().any(|s| emits(&s.value));
     if !desc.cameras.is_empty() && !needs_light {

@@ -11,6 +11,7 @@ use super::geometry::{Geometry, Placement};
 use super::{Names, Scene};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
+use crate::classic::ClassicWorld;
 use crate::light::{LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::Medium;
@@ -22,7 +23,9 @@ use geometry::{Context, Placed};
 /// # Errors
 /// Every fault that was found: pictures that cannot be read, a camera that is not there.
 pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> Result<Scene, Vec<Fault>> {
-    let camera = camera(desc, settings)?;
+    // The classic model has cameras of its own.
+    let unused = CameraDesc::default();
+    let camera = if desc.classic.is_some() { &unused } else { camera(desc, settings)? };
     let materials = material::compile(desc);
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
@@ -56,6 +59,8 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
+        classic: None,
+        warnings: Vec::new(),
         materials,
         lights: Vec::new(),
         light_sources: Vec::new(),
@@ -65,6 +70,11 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
     };
     lights::add(&mut scene, desc, settings)?;
+    if let Some(classic) = &desc.classic {
+        let (world, warnings) = ClassicWorld::new(classic, size);
+        scene.classic = Some(Box::new(world));
+        scene.warnings = warnings;
+    }
     Ok(scene)
 }
 

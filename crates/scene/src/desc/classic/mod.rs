@@ -6,15 +6,23 @@
 
 mod atmosphere;
 mod camera;
+mod function_solids;
 mod interior;
+mod large_solids;
 mod light;
 mod object;
+mod settings;
+mod solid;
 
 pub use atmosphere::*;
 pub use camera::*;
+pub use function_solids::*;
 pub use interior::*;
+pub use large_solids::*;
 pub use light::*;
 pub use object::*;
+pub use settings::*;
+pub use solid::*;
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -45,6 +53,8 @@ pub struct ClassicScene {
     pub pattern_objects: Vec<Arc<Object>>,
     /// Light sources; those of light groups name their group.
     pub lights: Vec<Light>,
+    /// Light groups; number n of objects and lights is entry n − 1.
+    pub light_groups: Vec<LightGroup>,
     /// The camera.
     pub camera: Camera,
     /// Fogs, all of them at work.
@@ -59,25 +69,4 @@ pub struct ClassicScene {
     pub atmosphere: Vec<Media>,
     /// Pictures, by [`etendue_procedural::ImageId`].
     pub images: Vec<ClassicImage>,
-}
-
-/// `global_settings`, with POV-Ray 3.7's defaults.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct GlobalSettings {
-    /// Exponent of the scene's working color space: 1 is linear.
-    pub assumed_gamma: f64,
-    /// Recursion level.
-    pub max_trace_level: u32,
-    /// Rays that carry less are not followed.
-    pub adc_bailout: f64,
-    /// Factor of all ambient terms.
-    pub ambient_light: glam::DVec3,
-    /// Noise generator: 1, 2 or 3.
-    pub noise_generator: u8,
-}
-
-impl Default for GlobalSettings {
-    fn default() -> Self {
-        Self { assumed_gamma: 1.0, max_trace_level: 5, adc_bailout: 1.0 / 255.0, ambient_light: glam::DVec3::ONE, noise_generator: 2 }
-    }
 }

@@ -1,0 +1,99 @@
+//! Interiors: what a ray is inside of, refraction, and fading with depth.
+
+use std::sync::Arc;
+
+use etendue_procedural::fns;
+use etendue_scene::desc::classic::{Interior, Object};
+use glam::DVec3;
+
+/// Tells objects apart: leaves of the world do not move.
+pub(super) fn identity(object: &Object) -> usize {
+    std::ptr::from_ref(object) as usize
+}
+
+/// An object that a ray is inside of.
+#[derive(Clone)]
+pub(super) struct Within {
+    pub(super) identity: usize,
+    pub(super) interior: Option<Arc<Interior>>,
+    pub(super) hollow: bool,
+}
+
+impl Within {
+    pub(super) fn new(object: &Object) -> Self {
+        Self { identity: identity(object), interior: object.interior.clone(), hollow: object.hollow }
+    }
+}
+
+/// What a ray is inside of, the innermost last.
+pub(super) type Stack = Vec<Within>;
+
+/// Most objects that a ray may be inside of; it enters no more.
+const DEPTH_LIMIT: usize = 100;
+
+/// The stack beyond a surface, and the index of refraction there over that here.
+pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>) -> (Stack, f64) {
+    let ior_of = |i: &Option<Arc<Interior>>| i.as_ref().map_or(1.0, |i| i.ior);
+    let own = if object.interior.is_some() { ior_of(&object.interior) } else { old_ior.unwrap_or(1.0) };
+    let mut next = stack.clone();
+    let id = identity(object);
+    let outside = |s: &Stack| s.iter().rev().find_map(|w| w.interior.as_ref().map(|i| i.ior)).unwrap_or(1.0);
+    match next.iter().rposition(|w| w.identity == id) {
+        Some(at) => {
+            next.remove(at);
+            // Leaving an object that another one lies in changes nothing for the ray.
+            let ratio = if at == next.len() { outside(&next) / own } else { 1.0 };
+            (next, ratio)
+        }
+        None => {
+            let ratio = own / outside(&next);
+            if next.len() < DEPTH_LIMIT {
+                next.push(Within::new(object));
+            }
+            (next, ratio)
+        }
+    }
+}
+
+/// The refracted direction by Snell's law for a unit direction `d` against the unit normal `n` (d · n < 0) and the ratio of the index
+/// beyond to the index here; `None` where light is totally reflected.
+pub(super) fn refracted(d: DVec3, n: DVec3, ratio: f64) -> Option<DVec3> {
+    let eta = 1.0 / ratio;
+    let cos = -d.dot(n);
+    let k = 1.0 - eta * eta * (1.0 - cos * cos);
+    (k >= 0.0).then(|| d * eta + n * (eta * cos - k.sqrt()))
+}
+
+/// What an interior leaves of light over a depth: color + (1 − color) / (1 + (depth / distance) ^ power), exponential for powers from 1000
+/// (documentation, "Attenuation").
+pub(super) fn attenuation(interior: &Interior, depth: f64) -> DVec3 {
+    if !(interior.fade_power > 0.0) || interior.fade_distance == 0.0 {
+        return DVec3::ONE;
+    }
+    let d = depth.max(0.0) / interior.fade_distance.abs();
+    if interior.fade_power >= 1000.0 {
+        // Each color fades by itself: white does not.
+        return exponential(interior.fade_color, d);
+    }
+    let left = 1.0 / (1.0 + fns::pow(d, interior.fade_power));
+    interior.fade_color + (DVec3::ONE - interior.fade_color) * left
+}
+
+fn exponential(color: DVec3, d: f64) -> DVec3 {
+    let left = |c: f64| fns::exp(-d * (1.0 - c));
+    DVec3::new(left(color.x), left(color.y), left(color.z))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn refraction_follows_snell() {
+        let d = DVec3::new(0.6, 0.0, -0.8);
+        let t = refracted(d, DVec3::Z, 1.5).unwrap();
+        assert!((t.x - 0.4).abs() < 1e-12 && (t.length() - 1.0).abs() < 1e-12);
+        assert!(refracted(DVec3::new(0.8, 0.0, -0.6), DVec3::Z, 1.0 / 1.5).is_none());
+        assert!((refracted(d, DVec3::Z, 1.0).unwrap() - d).length() < 1e-12);
+    }
+}

@@ -1,0 +1,255 @@
+//! Surfaces: layers of a texture under every light, with mirrored and refracted rays.
+
+use etendue_procedural::{Color, Context, Layer};
+use glam::{DVec2, DVec3};
+
+use super::finish::{diffuse, highlights, metallic, reflectance, reflected};
+use super::refract::{beyond, refracted};
+use super::trace::{First, Ray, Traced, Tracer};
+use super::{ClassicWorld, peak};
+use crate::solid::{Line, RayKind, SolidHit};
+
+/// A stack of layers that counts at a hit, and where it is evaluated.
+struct Stacked<'a> {
+    weight: f64,
+    layers: &'a [Layer],
+    p: DVec3,
+    normal: DVec3,
+    uv: DVec2,
+}
+
+/// What all layers at a hit share.
+struct Place<'a, 'h> {
+    ray: &'h Ray,
+    hit: &'h SolidHit<'a>,
+    /// Normal towards the viewer, before perturbation.
+    n: DVec3,
+    /// Towards the viewer.
+    view: DVec3,
+    /// Lights and their colors here, once they are known: direction and color.
+    lights: Option<Vec<Lit>>,
+}
+
+/// A light as it arrives.
+#[derive(Clone, Copy)]
+struct Lit {
+    d: DVec3,
+    color: DVec3,
+    highlights: bool,
+}
+
+impl<'a> Tracer<'a, '_> {
+    /// The light that a surface sends along a ray.
+    pub(super) fn surface(&mut self, ray: &Ray, hit: &SolidHit<'a>) -> Traced {
+        let world: &'a ClassicWorld = self.world;
+        let back = hit.n.dot(ray.line.d) > 0.0;
+        let n = if back { -hit.n } else { hit.n };
+        let context = Context { normal: n, ray: ray.line.d, uv: hit.uv, ..world.context(hit.p) };
+        let mut stacks: Vec<Stacked<'a>> = Vec::new();
+        world.world.textures(hit, back, &mut |weight, texture| {
+            let Some(texture) = texture else { return };
+            texture.resolve(&context, &mut |share, layers, at| {
+                stacks.push(Stacked { weight: weight * share, layers, p: at.p, normal: at.normal, uv: at.uv });
+            });
+        });
+        if ray.level == 0 && self.first.is_none() {
+            self.first = Some(First { p: hit.p, n, uv: hit.uv, depth: hit.t, albedo: DVec3::ZERO, leaf: hit.leaf });
+        }
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None };
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0 };
+        for stack in &stacks {
+            let traced = self.stack(&mut place, stack);
+            sum.color += traced.color * stack.weight;
+            sum.alpha += traced.alpha * stack.weight;
+        }
+        if stacks.is_empty() {
+            sum.alpha = 1.0;
+        }
+        sum
+    }
+
+    /// One stack of layers, from the top: each adds its light through those above it.
+    fn stack(&mut self, place: &mut Place<'a, '_>, stack: &Stacked<'a>) -> Traced {
+        let world: &'a ClassicWorld = self.world;
+        let ray = place.ray;
+        let settings = world.settings();
+        let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
+        let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
+        let (next, ratio) = beyond(&ray.inside, place.hit.object, old);
+        let mut color = DVec3::ZERO;
+        let mut passing = DVec3::ONE;
+        let mut top_normal = None;
+        let mut albedo = DVec3::ZERO;
+        for layer in stack.layers.iter().rev() {
+            let pigment = layer.pigment.color(&context);
+            let n = match &layer.normal {
+                Some(normal) => normal.perturb(place.n, &context),
+                None => place.n,
+            };
+            top_normal.get_or_insert(n);
+            let finish = &*layer.finish;
+            let opacity = pigment.opacity().max(0.0);
+            if opacity != 0.0 {
+                albedo += passing * pigment.rgb * opacity;
+                color += passing * pigment.rgb * (finish.ambient * settings.ambient_light + finish.emission) * opacity;
+            }
+            color += passing * self.lit(place, layer, &pigment, n, opacity);
+            let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
+            if peak(mirror.abs()) > 0.0 {
+                let weight = ray.weight * peak((passing * mirror).abs());
+                if weight >= settings.adc_bailout {
+                    let seen = self.mirrored(place, n, weight);
+                    color += passing * mirror * reflected(&finish.reflection, seen);
+                }
+            }
+            passing *= pigment.passing();
+            if finish.conserve_energy {
+                passing *= (DVec3::ONE - mirror).max(DVec3::ZERO);
+            }
+            if passing == DVec3::ZERO {
+                break;
+            }
+        }
+        if let Some(first) = self.first.as_mut().filter(|_| ray.level == 0) {
+            first.albedo += albedo * stack.weight;
+        }
+        let mut alpha = 1.0;
+        let weight = ray.weight * peak(passing.abs());
+        if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
+            let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
+            color += passing * beyond.color;
+            alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
+        }
+        Traced { color, alpha: alpha.clamp(0.0, 1.0) }
+    }
+
+    /// Diffuse light and highlights of a layer under all lights.
+    fn lit(&mut self, place: &mut Place<'a, '_>, layer: &Layer, pigment: &Color, n: DVec3, opacity: f64) -> DVec3 {
+        let finish = &*layer.finish;
+        let shines = finish.phong != 0.0 || finish.specular != 0.0;
+        let scatters = opacity != 0.0 && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
+        if !shines && !scatters {
+            return DVec3::ZERO;
+        }
+        if place.lights.is_none() {
+            place.lights = Some(self.lights(place.hit, place.n));
+        }
+        let lights = place.lights.take().unwrap_or_default();
+        let both = place.hit.object.double_illuminate;
+        let mut sum = DVec3::ZERO;
+        for light in &lights {
+            let cos = n.dot(light.d);
+            let front = light.d.dot(place.n) > 0.0;
+            if scatters {
+                let share = if front {
+                    diffuse(finish, finish.diffuse, cos.max(0.0))
+                } else {
+                    let back = diffuse(finish, finish.diffuse_back, (-cos).max(0.0));
+                    back + if both { diffuse(finish, finish.diffuse, (-cos).max(0.0)) } else { 0.0 }
+                };
+                let mut share = share * opacity;
+                if finish.crand > 0.0 && share > 0.0 {
+                    share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
+                }
+                sum += light.color * pigment.rgb * share;
+            }
+            if shines && light.highlights && (front || both) {
+                let (n, cos) = if front { (n, cos) } else { (-n, -cos) };
+                let strength = highlights(finish, n, light.d, place.view);
+                if strength != 0.0 {
+                    sum += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
+                }
+            }
+        }
+        place.lights = Some(lights);
+        sum
+    }
+
+    /// All lights that shine on a point, with their colors after shadows.
+    fn lights(&mut self, hit: &SolidHit<'a>, n: DVec3) -> Vec<Lit> {
+        let world: &'a ClassicWorld = self.world;
+        let object = hit.object;
+        let set = world.lamps_of_group.get(object.light_group as usize).or(world.lamps_of_group.first());
+        let mut lights = Vec::new();
+        for lamp in set.into_iter().flatten().filter_map(|&i| world.lamps.get(i as usize)) {
+            let highlights = !lamp.light.shadowless;
+            let mut add = |d: DVec3, color: DVec3| {
+                if color != DVec3::ZERO {
+                    lights.push(Lit { d, color, highlights });
+                }
+            };
+            if let Some(area) = lamp.light.area.filter(|a| a.illumination) {
+                let [rows, columns] = area.size;
+                let share = 1.0 / (f64::from(rows) * f64::from(columns));
+                for i in 0..rows {
+                    for j in 0..columns {
+                        let jitter = if area.jitter {
+                            let u = self.stream.next_2d();
+                            DVec2::new(f64::from(u.x), f64::from(u.y)) - 0.5
+                        } else {
+                            DVec2::ZERO
+                        };
+                        let location = lamp.place(&area, f64::from(i), f64::from(j), jitter, hit.p);
+                        let (d, _) = lamp.towards_from(location, hit.p);
+                        if self.can_light(hit, n, d) {
+                            add(d, lamp.color(location, hit.p) * self.passing(lamp, location, hit.p) * share);
+                        }
+                    }
+                }
+            } else {
+                let (d, _) = lamp.towards(hit.p);
+                if self.can_light(hit, n, d) {
+                    add(d, self.lamp_color(lamp, hit.p));
+                }
+            }
+        }
+        lights
+    }
+
+    /// Whether light from a direction can count: from the viewer's side, or from the other if something there answers.
+    fn can_light(&self, hit: &SolidHit<'a>, n: DVec3, d: DVec3) -> bool {
+        d.dot(n) > 0.0 || hit.object.double_illuminate || self.answers_behind(hit)
+    }
+
+    fn answers_behind(&self, hit: &SolidHit<'a>) -> bool {
+        let mut found = false;
+        self.world.world.textures(hit, false, &mut |_, texture| {
+            found |= texture.and_then(|t| t.layers()).is_none_or(|layers| layers.iter().any(|l| l.finish.diffuse_back != 0.0));
+        });
+        found
+    }
+
+    /// What a mirror shows.
+    fn mirrored(&mut self, place: &Place<'a, '_>, n: DVec3, weight: f64) -> DVec3 {
+        let d = place.ray.line.d;
+        let mut r = d - n * (2.0 * d.dot(n));
+        // A bump may send the ray into the surface; it then leaves by as much.
+        let under = r.dot(place.n);
+        if under < 0.0 {
+            r -= place.n * (2.0 * under);
+        }
+        let line = Line { o: place.hit.p, d: r.normalize_or(place.n) };
+        let ray = Ray {
+            line,
+            kind: RayKind::Reflection,
+            level: place.ray.level + 1,
+            weight,
+            inside: place.ray.inside.clone(),
+            split: place.ray.split,
+        };
+        self.trace(&ray).color
+    }
+
+    /// What is seen through the surface.
+    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: super::refract::Stack, ratio: f64, weight: f64) -> Traced {
+        let ray = place.ray;
+        let d = ray.line.d;
+        let through = if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio) };
+        let Some(through) = through else {
+            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0 };
+        };
+        let line = Line { o: place.hit.p, d: through.normalize_or(d) };
+        let on = Ray { line, kind: ray.kind, level: ray.level + 1, weight, inside: next, split: ray.split };
+        self.trace(&on)
+    }
+}

@@ -1,0 +1,103 @@
+//! Rays: what they hit, and what happens on their way there.
+
+use glam::{DVec2, DVec3};
+
+use super::refract::{Stack, Within, attenuation};
+use super::{ClassicWorld, gray};
+use crate::sampler::SampleStream;
+use crate::solid::{Line, RayKind};
+
+/// Surfaces nearer to a ray's origin than this are the one it left.
+pub(super) const NEAR: f64 = 1e-4;
+/// Rays of one sample. Only made-up scenes need more.
+const RAY_LIMIT: u32 = 200_000;
+
+/// A ray to be followed.
+pub(super) struct Ray {
+    pub(super) line: Line,
+    pub(super) kind: RayKind,
+    /// How many surfaces made it: 0 from the camera.
+    pub(super) level: u32,
+    /// Largest share of its light that arrives at the camera.
+    pub(super) weight: f64,
+    /// What it is inside of.
+    pub(super) inside: Stack,
+    /// Its light has been split by dispersion already.
+    pub(super) split: bool,
+}
+
+/// What a ray brings.
+#[derive(Clone, Copy)]
+pub(super) struct Traced {
+    pub(super) color: DVec3,
+    /// 0 where nothing hides what is behind the scene.
+    pub(super) alpha: f64,
+}
+
+/// What a camera ray hit first.
+pub(super) struct First {
+    pub(super) p: DVec3,
+    pub(super) n: DVec3,
+    pub(super) uv: DVec2,
+    pub(super) depth: f64,
+    pub(super) albedo: DVec3,
+    pub(super) leaf: u32,
+}
+
+/// Follows the rays of one sample.
+pub(super) struct Tracer<'a, 's> {
+    pub(super) world: &'a ClassicWorld,
+    pub(super) stream: &'s mut SampleStream,
+    pub(super) max_level: u32,
+    rays: u32,
+    pub(super) first: Option<First>,
+}
+
+impl<'a, 's> Tracer<'a, 's> {
+    pub(super) fn new(world: &'a ClassicWorld, stream: &'s mut SampleStream, max_level: Option<u32>) -> Self {
+        let max_level = max_level.unwrap_or(world.settings().max_trace_level).min(256);
+        Self { world, stream, max_level, rays: 0, first: None }
+    }
+
+    /// Follows a ray of the camera.
+    pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
+        let mut inside = Stack::new();
+        self.world.world.containing(line.o, &mut |object| inside.push(Within::new(object)));
+        let ray = Ray { line, kind: RayKind::Camera, level: 0, weight: 1.0, inside, split: false };
+        self.follow(&ray, max_distance)
+    }
+
+    /// The light that comes along a ray; black beyond the recursion level.
+    pub(super) fn trace(&mut self, ray: &Ray) -> Traced {
+        self.follow(ray, f64::INFINITY)
+    }
+
+    fn follow(&mut self, ray: &Ray, max_distance: f64) -> Traced {
+        self.rays += 1;
+        if ray.level >= self.max_level || self.rays > RAY_LIMIT {
+            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+        }
+        let world = self.world;
+        let hit = world.world.nearest(&ray.line, NEAR, max_distance, ray.kind);
+        let (mut traced, t) = match &hit {
+            Some(hit) => (self.surface(ray, hit), hit.t),
+            None => {
+                let (color, alpha) = world.sky(ray.line.d);
+                (Traced { color, alpha }, f64::INFINITY)
+            }
+        };
+        if let Some(Within { interior: Some(interior), .. }) = ray.inside.last()
+            && t.is_finite()
+        {
+            traced.color *= attenuation(interior, t);
+        }
+        if ray.inside.iter().all(|w| w.hollow) {
+            let before = traced.color;
+            traced.color = world.hazed(before, &ray.line, t);
+            if gray((traced.color - before).abs()) > 0.0 {
+                traced.alpha = 1.0;
+            }
+        }
+        traced
+    }
+}

@@ -1,0 +1,102 @@
+//! Torus around the y axis.
+
+use etendue_procedural::fns;
+use glam::{DVec2, DVec3};
+
+use super::roots::quartic_in;
+use super::{Bounds, Crossing, Line, Primitive};
+
+/// Ring with a round tube.
+#[derive(Clone, Debug)]
+pub(super) struct Torus {
+    major: f64,
+    minor: f64,
+}
+
+impl Torus {
+    /// `None` without a tube. Signs of radii do not matter.
+    pub(super) fn new(major: f64, minor: f64) -> Option<Self> {
+        let (major, minor) = (major.abs(), minor.abs());
+        (major.is_finite() && minor.is_finite() && minor > 0.0).then_some(Self { major, minor })
+    }
+}
+
+impl Primitive for Torus {
+    fn bounds(&self) -> Bounds {
+        let r = self.major + self.minor;
+        Bounds { min: DVec3::new(-r, -self.minor, -r), max: DVec3::new(r, self.minor, r) }
+    }
+
+    /// The quartic of (|p|² + R² − r²)² = 4 R² (x² + z²) in a line parameter that is zero at the point nearest to the center and has
+    /// unit speed, which keeps coefficients of one size however far the line begins.
+    fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>) {
+        let speed = line.d.length();
+        let d = line.d / speed;
+        let closest = -line.o.dot(d);
+        let o = line.o + d * closest;
+        if !(speed > 0.0 && o.is_finite()) {
+            return;
+        }
+        let (major2, minor2) = (self.major * self.major, self.minor * self.minor);
+        let reach2 = (self.major + self.minor) * (self.major + self.minor);
+        let o2 = o.length_squared();
+        if !(o2 < reach2) {
+            return;
+        }
+        // Within the enclosing ball and between the planes y = ±r.
+        let half = (reach2 - o2).sqrt() * (1.0 + 1e-9);
+        let (mut lo, mut hi) = ((t_min * speed - closest).max(-half), (t_max * speed - closest).min(half));
+        if d.y.abs() > 1e-12 {
+            let (a, b) = ((-self.minor - o.y) / d.y, (self.minor - o.y) / d.y);
+            let room = 1e-9 * half;
+            lo = lo.max(a.min(b) - room);
+            hi = hi.min(a.max(b) + room);
+        } else if o.y.abs() > self.minor {
+            return;
+        }
+        if !(lo < hi) {
+            return;
+        }
+        // |p|² = s² + o2, as o is perpendicular to d.
+        let k = o2 + major2 - minor2;
+        let c = [
+            k * k - 4.0 * major2 * (o.x * o.x + o.z * o.z),
+            -8.0 * major2 * (o.x * d.x + o.z * d.z),
+            2.0 * k - 4.0 * major2 * (d.x * d.x + d.z * d.z),
+            0.0,
+            1.0,
+        ];
+        for s in quartic_in(&c, lo, hi) {
+            let t = (s + closest) / speed;
+            if t > t_min && t < t_max {
+                out.push(Crossing::new(t, 0));
+            }
+        }
+    }
+
+    fn inside(&self, p: DVec3) -> bool {
+        let r = (p.x * p.x + p.z * p.z).sqrt() - self.major;
+        // A tube wider than the ring crosses itself; where it overlaps counts twice and is outside again.
+        let far = (p.x * p.x + p.z * p.z).sqrt() + self.major;
+        let minor2 = self.minor * self.minor;
+        (r * r + p.y * p.y <= minor2) != (far * far + p.y * p.y < minor2)
+    }
+
+    fn normal(&self, p: DVec3, _crossing: &Crossing) -> DVec3 {
+        let ring = DVec3::new(p.x, 0.0, p.z).normalize_or(DVec3::X) * self.major;
+        let n = p - ring;
+        // On the inner sheet of a tube that crosses itself the ring is on the other side.
+        let other = p + ring;
+        let off = |v: DVec3| (v.length() - self.minor).abs();
+        (if off(n) <= off(other) { n } else { -other }).normalize_or(DVec3::Y)
+    }
+
+    fn uv(&self, p: DVec3, _crossing: &Crossing) -> DVec2 {
+        let turn = |y: f64, x: f64| {
+            let t = fns::atan2(y, x) / std::f64::consts::TAU;
+            if t < 0.0 { t + 1.0 } else { t }
+        };
+        let r = (p.x * p.x + p.z * p.z).sqrt() - self.major;
+        DVec2::new(turn(p.z, p.x), turn(p.y, r))
+    }
+}

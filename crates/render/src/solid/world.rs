@@ -1,0 +1,242 @@
+//! All objects of a scene in a hierarchy of boxes.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use etendue_procedural::{Images, Texture};
+use etendue_scene::desc::classic::Object;
+use glam::DVec3;
+
+use super::bvh::Bvh;
+use super::trace::{Query, RawHit, Scratch};
+use super::tree::{Builder, Kind, NodeId, Tree};
+use super::{Bounds, Line, Primitive, RayKind, SolidHit};
+
+/// All objects of a scene.
+pub struct World {
+    tree: Tree,
+    /// Over the roots of finite size, by index into the tree's roots.
+    bvh: Bvh,
+    /// Roots without finite box.
+    unbounded: Vec<u32>,
+    /// Roots whose inside has no finite box, or one larger than their surface's.
+    unbounded_inside: Vec<u32>,
+}
+
+thread_local! {
+    static SCRATCH: RefCell<Vec<Box<Scratch>>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Runs with memory that the thread keeps; queries from within queries get their own.
+fn with_scratch<T>(run: impl FnOnce(&mut Scratch) -> T) -> T {
+    let mut scratch = SCRATCH.with_borrow_mut(Vec::pop).unwrap_or_default();
+    let result = run(&mut scratch);
+    scratch.hits.clear();
+    SCRATCH.with_borrow_mut(|pool| pool.push(scratch));
+    result
+}
+
+impl World {
+    /// Prepares objects for tracing; height fields of pictures are left out.
+    pub fn new(objects: &[Arc<Object>]) -> Self {
+        Self::with_images(objects, None)
+    }
+
+    /// Prepares objects for tracing, with the pictures of height fields.
+    pub fn with_images(objects: &[Arc<Object>], images: Option<&dyn Images>) -> Self {
+        let mut builder = Builder::new(images);
+        for object in objects {
+            builder.add(object);
+        }
+        let tree = builder.finish();
+        let node = |i: u32| &tree.nodes[tree.roots[i as usize] as usize];
+        let roots = 0..tree.roots.len() as u32;
+        let unbounded = roots.clone().filter(|&i| !node(i).bounds.is_finite() && !node(i).bounds.is_empty()).collect();
+        let within = |i: Bounds, o: Bounds| i.is_empty() || (o.contains(i.min) && o.contains(i.max));
+        let unbounded_inside =
+            roots.filter(|&i| node(i).inverse || !node(i).bounds.is_finite() || !within(node(i).inside_bounds, node(i).bounds)).collect();
+        let bvh = Bvh::new(tree.roots.iter().map(|&r| tree.nodes[r as usize].bounds));
+        Self { tree, bvh, unbounded, unbounded_inside }
+    }
+
+    /// The box of all surfaces; infinite where one is.
+    pub fn bounds(&self) -> Bounds {
+        self.tree.roots.iter().fold(Bounds::EMPTY, |b, &r| b.union(self.tree.nodes[r as usize].bounds))
+    }
+
+    /// Number of primitives.
+    pub fn leaves(&self) -> usize {
+        self.tree.leaves.len()
+    }
+
+    /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
+    pub fn nearest(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
+        let query = Query::new(line, t_min, kind);
+        let mut best = None;
+        let mut limit = t_max;
+        with_scratch(|scratch| {
+            for &i in &self.unbounded {
+                self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
+            }
+            self.bvh.visit(line, t_min, limit, |i, t| {
+                self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
+                *t = limit;
+                true
+            });
+        });
+        best.map(|hit| self.hit(line, &hit))
+    }
+
+    /// Visits hits with `t_min` < t < `t_max` in no particular order until `visit` returns false: for shadow rays.
+    pub fn visit(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) {
+        let query = Query::new(line, t_min, kind);
+        with_scratch(|scratch| {
+            let mut root = |i: u32| {
+                scratch.hits.clear();
+                self.tree.collect(self.root(i), &query, t_max, scratch);
+                for k in 0..scratch.hits.len() {
+                    let hit = scratch.hits[k];
+                    if !visit(self.hit(line, &hit)) {
+                        return false;
+                    }
+                }
+                true
+            };
+            for &i in &self.unbounded {
+                if !root(i) {
+                    return;
+                }
+            }
+            self.bvh.visit(line, t_min, t_max, |i, _| root(i));
+        });
+    }
+
+    /// The objects (leaves with interiors and textures filled in) that a point is inside of.
+    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
+        for &i in &self.unbounded_inside {
+            self.contained(self.root(i), p, visit);
+        }
+        self.bvh.visit_point(p, |i| {
+            if !self.unbounded_inside.contains(&i) {
+                self.contained(self.root(i), p, visit);
+            }
+            true
+        });
+    }
+
+    /// Whether a point is inside of any object.
+    pub fn inside(&self, p: DVec3) -> bool {
+        let mut found = self.unbounded_inside.iter().any(|&i| self.tree.inside(self.root(i), p));
+        if !found {
+            self.bvh.visit_point(p, |i| {
+                found = self.tree.inside(self.root(i), p);
+                !found
+            });
+        }
+        found
+    }
+
+    /// Visits the textures that count at a hit with their weights (sum 1): those of the triangle or blob component, of the objects cut
+    /// (`cutaway_textures`), else the object's. `back`: of the inside. `None`: the object has no texture at all.
+    pub fn textures<'a>(&'a self, hit: &SolidHit<'a>, back: bool, visit: &mut dyn FnMut(f64, Option<&'a Texture>)) {
+        let Some(leaf) = self.tree.leaves.get(hit.leaf as usize) else { return };
+        let own = |leaf: &'a super::tree::Leaf| {
+            let back = if back { leaf.object.interior_texture.as_ref() } else { None };
+            back.or(leaf.object.texture.as_ref()).map(|t| &**t)
+        };
+        if back && leaf.object.interior_texture.is_some() {
+            visit(1.0, own(leaf));
+        } else if let Some(node) = leaf.cutaway {
+            let mut cut = Vec::new();
+            self.cut(node, hit.p, hit.leaf, &mut cut);
+            for &other in &cut {
+                visit(1.0 / cut.len() as f64, own(&self.tree.leaves[other as usize]));
+            }
+            if cut.is_empty() {
+                visit(1.0, own(leaf));
+            }
+        } else if leaf.own_textures.is_empty() {
+            visit(1.0, own(leaf));
+        } else {
+            leaf.shape.part_textures(leaf.local_point(hit.p), &hit.crossing, &mut |weight, index| {
+                visit(weight, index.and_then(|i| leaf.own_textures.get(i)).map(|t| &**t).or_else(|| own(leaf)));
+            });
+        }
+    }
+
+    fn root(&self, i: u32) -> NodeId {
+        self.tree.roots[i as usize]
+    }
+
+    fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
+        let leaf = &self.tree.leaves[hit.leaf as usize];
+        let p = line.at(hit.crossing.t);
+        let local = leaf.local_point(p);
+        let n = leaf.shape.normal(local, &hit.crossing);
+        let ng = leaf.shape.geometric_normal(local, &hit.crossing);
+        SolidHit {
+            t: hit.crossing.t,
+            p,
+            n: leaf.world_normal(n),
+            ng: leaf.world_normal(ng),
+            uv: leaf.shape.uv(local, &hit.crossing),
+            object: &leaf.object,
+            leaf: hit.leaf,
+            crossing: hit.crossing,
+        }
+    }
+
+    /// Visits the leaves of a node that a point is inside of; one of them where a combination has no leaf that holds the point.
+    fn contained(&self, id: NodeId, p: DVec3, visit: &mut dyn FnMut(&Object)) {
+        if !self.tree.inside(id, p) {
+            return;
+        }
+        let node = &self.tree.nodes[id as usize];
+        match &node.kind {
+            Kind::Leaf(leaf) => visit(&self.tree.leaves[*leaf as usize].object),
+            // All parts hold the point; the first says what the object is made of.
+            Kind::Intersection(group) => match group.children.first() {
+                Some(&first) if !node.inverse => self.contained(first, p, visit),
+                Some(&first) => self.first_leaf(first, visit),
+                None => {}
+            },
+            Kind::Union(group) | Kind::Merge(group) => {
+                if node.inverse {
+                    if let Some(&first) = group.children.first() {
+                        self.first_leaf(first, visit);
+                    }
+                } else if matches!(node.kind, Kind::Union(_)) {
+                    group.children.iter().for_each(|&c| self.contained(c, p, visit));
+                } else if let Some(&c) = group.children.iter().find(|&&c| self.tree.inside(c, p)) {
+                    self.contained(c, p, visit);
+                }
+            }
+        }
+    }
+
+    fn first_leaf(&self, id: NodeId, visit: &mut dyn FnMut(&Object)) {
+        match &self.tree.nodes[id as usize].kind {
+            Kind::Leaf(leaf) => visit(&self.tree.leaves[*leaf as usize].object),
+            Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group) => {
+                if let Some(&first) = group.children.first() {
+                    self.first_leaf(first, visit);
+                }
+            }
+        }
+    }
+
+    /// The leaves with textures that hold a point of a cut face: what was cut there.
+    fn cut(&self, id: NodeId, p: DVec3, face: u32, out: &mut Vec<u32>) {
+        match &self.tree.nodes[id as usize].kind {
+            Kind::Leaf(leaf) => {
+                let other = &self.tree.leaves[*leaf as usize];
+                if *leaf != face && other.cutaway.is_none() && !other.flip && self.tree.inside(id, p) {
+                    out.push(*leaf);
+                }
+            }
+            Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group) => {
+                group.children.iter().for_each(|&c| self.cut(c, p, face, out));
+            }
+        }
+    }
+}
