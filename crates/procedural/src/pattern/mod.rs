@@ -209,7 +209,9 @@ impl Pattern {
 
     /// The value at a point in the pattern's own space.
     pub fn value_here(&self, inner: &Context) -> f64 {
-        self.wave.apply(self.raw(inner))
+        let raw = self.raw(inner);
+        // Numbers of blocks are values as they are.
+        if self.wave == Wave::default() && self.kind.blocks().is_some() { raw } else { self.wave.apply(raw) }
     }
 
     /// Moves the pattern with the object.
