@@ -11,10 +11,15 @@ pub struct BlendMap<T> {
 
 impl<T> BlendMap<T> {
     /// The two neighbors of a value and the weight of the second, in [0, 1]. Below the first place and from the last place on both
-    /// are that entry. At a place that two entries share the later one counts (documentation, "Color Map").
+    /// are that entry. At a place that two entries share the later one counts (documentation, "Color Map"). Where places do not ascend,
+    /// the last place counts first, then the first that lies above the value (measured).
     ///
     /// Returns `None` for a map without entries.
     pub fn around(&self, value: f64) -> Option<(&T, &T, f64)> {
+        let last = self.entries.last()?;
+        if !(value < last.0) {
+            return Some((&last.1, &last.1, 0.0));
+        }
         let next = if self.entries.len() <= 8 {
             self.entries.iter().position(|e| e.0 > value).unwrap_or(self.entries.len())
         } else {

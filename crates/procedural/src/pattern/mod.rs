@@ -19,9 +19,11 @@ use glam::{DMat4, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub use density_file::{DensityFile, DensityInterpolation};
+pub(crate) use eval::gray;
 pub use fractal::{Coloring, Fractal, FractalSet};
 pub use pavement::Pavement;
 pub use placement::{Operation, Placement, Turbulent};
+pub(crate) use simple::quilted_vector;
 pub use wave::{Wave, WaveForm};
 
 use crate::{Context, Function, ImageMap, ObjectId, Pigment};
@@ -209,7 +211,9 @@ impl Pattern {
 
     /// The value at a point in the pattern's own space.
     pub fn value_here(&self, inner: &Context) -> f64 {
-        self.wave.apply(self.raw(inner))
+        let raw = self.raw(inner);
+        // Numbers of blocks are values as they are.
+        if self.wave == Wave::default() && self.kind.blocks().is_some() { raw } else { self.wave.apply(raw) }
     }
 
     /// Moves the pattern with the object.

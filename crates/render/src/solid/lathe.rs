@@ -55,7 +55,8 @@ impl Lathe {
     /// `None` for too few points or one that is not finite.
     pub fn new(kind: SplineKind, points: &[DVec2]) -> Option<Self> {
         let segments = curve::chain(kind, points)?;
-        let heights = segments.iter().fold(DVec2::new(f64::INFINITY, f64::NEG_INFINITY), |h, s| DVec2::new(h.x.min(s.min.y), h.y.max(s.max.y)));
+        let heights =
+            segments.iter().fold(DVec2::new(f64::INFINITY, f64::NEG_INFINITY), |h, s| DVec2::new(h.x.min(s.min.y), h.y.max(s.max.y)));
         let radius = segments.iter().map(|s| s.max.x.abs().max(s.min.x.abs())).fold(0.0, f64::max);
         Some(Self { segments, heights, radius })
     }
@@ -266,7 +267,11 @@ mod tests {
     #[test]
     fn surface_coordinates_as_measured() {
         let shape = &shapes()[1];
-        for (o, d, u, v) in [((7., 0.5, 7.), (-1., 0., -1.), 0.125, 0.1667), ((0., 0.5, -10.), (0., 0., 1.), 0.75, 0.1667), ((10., 4., 0.), (-1., 0., 0.), 0.0, 0.8333)] {
+        for (o, d, u, v) in [
+            ((7., 0.5, 7.), (-1., 0., -1.), 0.125, 0.1667),
+            ((0., 0.5, -10.), (0., 0., 1.), 0.75, 0.1667),
+            ((10., 4., 0.), (-1., 0., 0.), 0.0, 0.8333),
+        ] {
             let line = Line { o: DVec3::from(o), d: DVec3::from(d) };
             let c = crossings(shape, &line, 0.0, 1e3)[0];
             assert!((shape.uv(line.at(c.t), &c) - DVec2::new(u, v)).length() < 1e-4);

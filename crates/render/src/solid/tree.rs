@@ -211,7 +211,7 @@ impl<'a> Builder<'a> {
                 pass_through: object.photons.pass_through || above.photons.pass_through,
             },
             radiosity_importance: object.radiosity_importance.or(above.radiosity_importance),
-            cutaway: if object.texture.is_some() { None } else { above.cutaway },
+            cutaway: if object.texture.is_some() && !object.texture_is_default { None } else { above.cutaway },
         }
     }
 
@@ -255,7 +255,9 @@ impl<'a> Builder<'a> {
         let clips = self.shapes(&object.clipped_by, above);
         let bounding = self.shapes(&object.bounded_by, above);
         let cutaway = match &object.solid {
-            Solid::Intersection(_) | Solid::Difference(_) if object.cutaway_textures && object.texture.is_none() => {
+            Solid::Intersection(_) | Solid::Difference(_)
+                if object.cutaway_textures && (object.texture.is_none() || object.texture_is_default) =>
+            {
                 self.cutaways.push(None);
                 below.cutaway = Some(self.cutaways.len() - 1);
                 below.cutaway

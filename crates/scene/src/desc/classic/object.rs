@@ -61,6 +61,10 @@ pub struct Object {
     pub radiosity_importance: Option<f64>,
     /// Light group, from 1; 0 for none.
     pub light_group: u32,
+    /// The texture is the default of its place, not one of its own: cut faces do without it.
+    pub texture_is_default: bool,
+    /// Whether there are lights among its parts.
+    pub has_lights: bool,
     /// Number of primitives of this object with all its parts.
     pub leaves: u64,
     /// Levels of parts below this object; 0 for primitives.
@@ -97,6 +101,10 @@ impl Object {
             ),
             None => (1, 0),
         };
+        let has_lights = match &solid {
+            Solid::Light(_) => true,
+            solid => solid.parts().unwrap_or_default().iter().any(|p| p.has_lights),
+        };
         Self {
             span,
             solid,
@@ -121,6 +129,8 @@ impl Object {
             photons: PhotonSettings::default(),
             radiosity_importance: None,
             light_group: 0,
+            texture_is_default: false,
+            has_lights,
             leaves,
             depth,
         }

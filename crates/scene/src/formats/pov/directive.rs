@@ -24,7 +24,7 @@ impl Parser {
             D::Ifndef => self.ifdef(false, next, end, span),
             D::Else | D::Elseif => self.branch_ends(kind, span),
             D::Case | D::Range => self.case_directive(kind, next, span),
-            D::Switch => self.switch_directive(next, end, span),
+            D::Switch => self.switch_directive(end, span),
             D::While => self.while_directive(end, span),
             D::For => self.for_directive(end, span),
             D::End => self.end_directive(span),
@@ -138,6 +138,7 @@ impl Parser {
             self.warning(span, format!("the scene is for version {}; it is read as one of 3.7", version / 100.0));
         }
         self.version = version as u32;
+        self.stated_version = version as u32;
         Ok(())
     }
 

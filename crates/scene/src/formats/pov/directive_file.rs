@@ -15,8 +15,8 @@ const OPEN_LIMIT: usize = 1 << 16;
 
 /// An open file.
 pub(super) enum OpenFile {
-    /// Tokens yet to be read, the last first.
-    Read(Vec<Item>),
+    /// Values yet to be read, the last first, and whether a comma comes after the last.
+    Read(Vec<Item>, bool),
     /// Name; what is written goes to [`super::files::Files::written`].
     Write(String),
 }
@@ -47,7 +47,8 @@ impl Parser {
         let file = match mode {
             Some("read") => {
                 let bytes = self.read_file(&name, span)?;
-                OpenFile::Read(read_items(&bytes))
+                let (items, comma) = read_items(&bytes);
+                OpenFile::Read(items, comma)
             }
             Some(mode @ ("write" | "append")) => {
                 self.open_for_writing(&name, mode == "append", span)?;
@@ -118,10 +119,11 @@ impl Parser {
             _ => return Err(self.error(span, "#read needs an open file")),
         };
         let handle = self.handle()? as usize;
+        let mut is_past = false;
         while self.accept(",")? {
             let (place, _) = self.variable("#read")?;
             let item = match self.files.open.get_mut(handle) {
-                Some(Some(OpenFile::Read(items))) => items.pop(),
+                Some(Some(OpenFile::Read(items, _))) => items.pop(),
                 Some(Some(OpenFile::Write(_))) => return Err(self.error(span, "this file is open for writing")),
                 _ => None,
             };
@@ -129,18 +131,20 @@ impl Parser {
                 Some(Item::Text(t)) => Value::String(t),
                 Some(Item::Number(n)) => n.value(),
                 Some(Item::Bad) => return Err(self.error(span, "the file holds something that is no string, float or vector")),
-                None => continue,
+                None => {
+                    is_past = true;
+                    continue;
+                }
             };
             self.assign(&place, value, span)?;
         }
         self.expect(")")?;
         self.accept_raw(";")?;
-        if let Some(Some(OpenFile::Read(items))) = self.files.open.get(handle) {
-            if items.is_empty() {
-                // At the end of the file the handle goes.
-                self.files.open[handle] = None;
-                self.symbols.undef(handle_name);
-            }
+        // The handle goes at the end of the file; a comma after the last value hides the end from the directive that reads it (measured).
+        let is_over = matches!(self.files.open.get(handle), Some(Some(OpenFile::Read(items, comma))) if items.is_empty() && (is_past || !comma));
+        if is_over {
+            self.files.open[handle] = None;
+            self.symbols.undef(handle_name);
         }
         Ok(())
     }
@@ -174,7 +178,8 @@ impl Parser {
                 None if n.len == 1 => out.extend_from_slice(written(n.v[0]).as_bytes()),
                 None => {
                     let parts: Vec<String> = values.iter().map(|v| written(*v)).collect();
-                    out.extend_from_slice(format!("<{}>", parts.join(", ")).as_bytes());
+                    // With a blank after it (measured).
+                    out.extend_from_slice(format!("<{}> ", parts.join(",")).as_bytes());
                 }
             }
         }
@@ -189,9 +194,24 @@ impl Parser {
     }
 }
 
-/// A float as `#write` has it.
+/// A float as `#write` has it: six significant digits, as C's `%g` (measured).
 fn written(x: f64) -> String {
-    format!("{x}")
+    if !x.is_finite() {
+        return if x.is_nan() { "nan" } else if x > 0.0 { "inf" } else { "-inf" }.to_owned();
+    }
+    if x == 0.0 {
+        return "0".to_owned();
+    }
+    let scientific = format!("{x:.5e}");
+    let Some((mantissa, exponent)) = scientific.split_once('e') else { return scientific };
+    let exponent: i32 = exponent.parse().unwrap_or(0);
+    let trimmed = |s: &str| if s.contains('.') { s.trim_end_matches('0').trim_end_matches('.').to_owned() } else { s.to_owned() };
+    if (-4..6).contains(&exponent) {
+        trimmed(&format!("{x:.*}", (5 - exponent) as usize))
+    } else {
+        let sign = if exponent < 0 { '-' } else { '+' };
+        format!("{}e{sign}{:02}", trimmed(mantissa), exponent.abs())
+    }
 }
 
 fn binary_word(x: f64, kind: &str, out: &mut Vec<u8>) {
@@ -209,8 +229,8 @@ fn binary_word(x: f64, kind: &str, out: &mut Vec<u8>) {
     }
 }
 
-/// Strings, floats and vectors of a data file, the last first.
-fn read_items(bytes: &[u8]) -> Vec<Item> {
+/// Strings, floats and vectors of a data file, the last first, and whether a comma ends the file.
+fn read_items(bytes: &[u8]) -> (Vec<Item>, bool) {
     let mut names = super::lexer::Names::default();
     let code = super::lexer::lex(crate::span::FileId(0), bytes, &mut names);
     let mut items = Vec::new();
@@ -240,5 +260,6 @@ fn read_items(bytes: &[u8]) -> Vec<Item> {
         }
     }
     items.reverse();
-    items
+    let ends_with_comma = matches!(code.tokens.last().map(|t| t.raw), Some(Raw::Sign(s)) if super::lexer::SIGNS[usize::from(s)] == ",");
+    (items, ends_with_comma)
 }

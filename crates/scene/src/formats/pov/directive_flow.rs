@@ -109,8 +109,9 @@ impl Parser {
                 Ok(self.symbols.at(&place).is_some())
             }
             Some(Raw::Word(_)) => {
+                // Reserved words count as undefined.
                 self.take_raw()?;
-                Ok(true)
+                Ok(false)
             }
             _ => Err(self.error(span, "an identifier is expected")),
         }
@@ -137,12 +138,12 @@ impl Parser {
         }
     }
 
-    pub(super) fn switch_directive(&mut self, next: u32, end: u32, span: Span) -> Parse<()> {
+    /// `#switch (value)`. What stands before the first clause is read (measured).
+    pub(super) fn switch_directive(&mut self, end: u32, span: Span) -> Parse<()> {
         self.expect("(")?;
         let value = self.full_float()?;
         self.expect(")")?;
-        self.push_block(BlockKind::Switch(value), span, end)?;
-        self.seek_case(next, value, span)
+        self.push_block(BlockKind::Switch(value), span, end)
     }
 
     fn seek_case(&mut self, mut to: u32, value: f64, span: Span) -> Parse<()> {

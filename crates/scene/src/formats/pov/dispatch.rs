@@ -21,9 +21,11 @@ impl Parser {
                     self.next()?;
                 }
                 Token::Word(word) => self.scene_item(word)?,
-                Token::Identifier(_, Value::Object(_)) => {
-                    // POV-Ray wants `object { … }` around it.
-                    return Err(self.unexpected("the scene; an object's identifier stands in `object { … }`"));
+                // An object's identifier may stand alone at the top (measured), though not documented so.
+                Token::Identifier(_, Value::Object(ref o)) => {
+                    let object = (**o).clone();
+                    self.next()?;
+                    self.add_object(object);
                 }
                 _ => return Err(self.unexpected("the scene")),
             }

@@ -139,15 +139,12 @@ impl Parser {
             if op == "*" {
                 left = combine(left, right, |a, b| a * b);
             } else {
-                let len = usize::from(left.len.max(right.len));
-                let divisor = right.promoted(left.len);
-                if divisor.v[..len].contains(&0.0) {
-                    // POV-Ray stops with floats and goes on with vectors.
-                    if len == 1 {
-                        return Err(self.error(span, "division by zero"));
-                    }
+                let len = left.len.max(right.len);
+                if right.promoted(len).v[..usize::from(len)].contains(&0.0) {
+                    self.warning(span, "division by zero");
                 }
-                left = combine(left, right, |a, b| if b == 0.0 { 0.0 } else { a / b });
+                // A quotient by 0 is infinite and positive, whatever is divided (measured).
+                left = combine(left, right, |a, b| if b == 0.0 { f64::INFINITY } else { a / b });
             }
         }
     }
@@ -172,7 +169,7 @@ impl Parser {
     }
 
     /// A number, identifier, function, vector or parenthesis, with the components picked by dots.
-    fn operand(&mut self) -> Parse<Num> {
+    pub(super) fn operand(&mut self) -> Parse<Num> {
         let mut n = match self.peek()? {
             Token::Number(x) => {
                 let x = *x;
@@ -240,7 +237,7 @@ impl Parser {
                 "z" | "blue" => v[2],
                 "t" | "filter" => v[3],
                 "transmit" => v[4],
-                // Rec. 601 weights, measured from POV-Ray's output.
+                // Measured: what POV-Ray prints.
                 "gray" => 0.297 * v[0] + 0.589 * v[1] + 0.114 * v[2],
                 _ => return Err(self.error(span, "a dot needs one of x, y, z, t, u, v, red, green, blue, filter, transmit, gray")),
             };
@@ -356,13 +353,18 @@ impl Parser {
                     Token::Identifier(_, Value::Vector(v)) => ("", v.len() == 5),
                     _ => ("", false),
                 };
-                if word == "color" {
+                let is_channel = matches!(word, "red" | "green" | "blue" | "filter" | "transmit" | "alpha");
+                // After a whole color only single channels belong to it: `rgb 1 rgb 2` are two.
+                if word == "color" && is_first {
                     p.next()?;
-                } else if COLOR_WORDS.contains(&word) {
+                    if matches!(p.peek()?, Token::Word("color")) {
+                        return Err(p.unexpected("a color"));
+                    }
+                    continue;
+                } else if COLOR_WORDS.contains(&word) && word != "color" && (is_first || is_channel) {
                     p.next()?;
                     p.color_item(word, &mut color, false)?;
-                } else if is_color || (is_first && p.at_number()?) {
-                    // An identifier replaces all that was before it.
+                } else if is_first && (is_color || p.at_number()?) {
                     color = p.num()?.promoted(5).v;
                 } else {
                     break;

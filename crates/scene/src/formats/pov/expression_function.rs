@@ -1,5 +1,6 @@
 //! Functions and variables that words stand for in numeric expressions.
 
+use etendue_procedural::spline::SplineKind;
 use etendue_procedural::{Context, Function, Spline, fns, noise};
 use glam::DVec3;
 use std::sync::Arc;
@@ -34,9 +35,7 @@ impl Parser {
             "final_clock" => Some(Num::float(o.clocks[1])),
             "image_width" => Some(Num::float(f64::from(o.size[0]))),
             "image_height" => Some(Num::float(f64::from(o.size[1]))),
-            // Without `#version` a scene is one of before 3.7, but this says 3.7 all the same: an include file that sets it back
-            // makes the scene one of 3.7 (measured).
-            "version" => Some(Num::float(f64::from(if self.version == 362 { 370 } else { self.version }) / 100.0)),
+            "version" => Some(Num::float(f64::from(self.stated_version) / 100.0)),
             "now" => Some(Num::float(super::strings::days_since_2000())),
             _ => None,
         };
@@ -119,7 +118,7 @@ impl Parser {
                 let a = self.string_value()?;
                 self.comma()?;
                 let b = self.string_value()?;
-                f64::from(a.as_bytes().cmp(b.as_bytes()) as i32)
+                byte_difference(a.as_bytes(), b.as_bytes())
             }
             "strlen" => self.string_value()?.chars().count() as f64,
             "asc" => self.string_value()?.chars().next().map_or(0.0, |c| f64::from(u32::from(c))),
@@ -158,7 +157,15 @@ impl Parser {
         let a = self.full_float()?;
         Ok(match word {
             "abs" => a.abs(),
+            "acos" if a.abs() > 1.0 => {
+                self.warning(span, format!("the arc cosine of {a} is no number; 0 is taken"));
+                0.0
+            }
             "acos" => fns::acos(a),
+            "asin" if a.abs() > 1.0 => {
+                self.warning(span, format!("the arc sine of {a} is no number; 0 is taken"));
+                0.0
+            }
             "acosh" => fns::acosh(a),
             "asin" => fns::asin(a),
             "asinh" => fns::asinh(a),
@@ -172,10 +179,9 @@ impl Parser {
             "degrees" => a.to_degrees(),
             "div" => {
                 let b = self.argument_float(false)?;
-                if b == 0.0 {
-                    return Err(self.error(span, "division by zero"));
-                }
-                (a / b).trunc()
+                // The quotient becomes a C `int`; what does not fit is its least number (measured).
+                let q = (a / b).trunc();
+                if q.abs() < 2_147_483_648.0 { q } else { -2_147_483_648.0 }
             }
             "exp" => fns::exp(a),
             "floor" => a.floor(),
@@ -188,9 +194,6 @@ impl Parser {
             }
             "mod" => {
                 let b = self.argument_float(false)?;
-                if b == 0.0 {
-                    return Err(self.error(span, "division by zero"));
-                }
                 a % b
             }
             "pow" => fns::pow(a, self.argument_float(false)?),
@@ -284,6 +287,7 @@ impl Parser {
                 let normal = if self.accept(",")? { Some(self.variable("trace")?) } else { None };
                 let Some(probe) = self.options.probe.clone() else { return Err(self.no_probe(span, word)) };
                 let hit = probe.trace(&object, origin, direction);
+                self.check_time()?;
                 if let Some((place, _)) = normal {
                     let n = hit.map_or(DVec3::ZERO, |h| h.1);
                     self.assign(&place, Num::vector3(n).value(), span)?;
@@ -301,25 +305,50 @@ impl Parser {
 
     /// The arguments of a user function, and its value.
     pub(super) fn call_function(&mut self, f: &Arc<Function>) -> Parse<Num> {
+        let span = self.span();
         self.expect("(")?;
         let mut arguments = Vec::new();
         while !self.accept(")")? {
             arguments.push(self.full_float()?);
             self.comma()?;
         }
+        let count = f.parameters.len();
+        if arguments.len() != count {
+            return Err(self.error(span, format!("the function takes {count} arguments, but here are {}", arguments.len())));
+        }
         let mut context = Context::at(DVec3::ZERO);
         context.noise_generator = self.scene.settings.noise_generator;
-        Ok(Num::float(f.eval(&arguments, &context)))
+        let values = f.eval_vector(&arguments, &context);
+        // A function may be a long computation.
+        self.check_time()?;
+        let len = f.components().clamp(1, 5);
+        Ok(if f.is_vector() { Num::vector(&values[..len.max(2)]) } else { Num::float(values[0]) })
     }
 
     /// `Spline(t)` or `Spline(t, type)`.
     pub(super) fn call_spline(&mut self, s: &Arc<Spline>) -> Parse<Num> {
         self.expect("(")?;
         let t = self.full_float()?;
+        let mut values = None;
         if self.accept(",")? {
-            self.next()?;
+            let kind = match self.accept_any(&["linear_spline", "quadratic_spline", "cubic_spline", "natural_spline"])? {
+                Some("linear_spline") => SplineKind::Linear,
+                Some("quadratic_spline") => SplineKind::Quadratic,
+                Some("cubic_spline") => SplineKind::Cubic,
+                Some(_) => SplineKind::Natural,
+                None => return Err(self.unexpected("a spline's type")),
+            };
+            values = Some(s.with_kind(kind).eval(t));
         }
         self.expect(")")?;
-        Ok(Num::vector(&s.eval(t)[..3]))
+        let values = values.unwrap_or_else(|| s.eval(t));
+        Ok(Num::vector(&values[..s.components().clamp(2, 5)]))
     }
+}
+
+/// The difference of the first bytes in which two strings differ, as `strcmp` gives it (measured: "abc" after "ab" by 99).
+fn byte_difference(a: &[u8], b: &[u8]) -> f64 {
+    let at = a.iter().zip(b).position(|(x, y)| x != y).unwrap_or(a.len().min(b.len()));
+    let byte = |s: &[u8]| s.get(at).map_or(0.0, |x| f64::from(*x));
+    byte(a) - byte(b)
 }

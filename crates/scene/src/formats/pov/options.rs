@@ -39,8 +39,8 @@ pub struct PovOptions {
     pub clocks: [f64; 2],
     /// `image_width`, `image_height`, in pixels.
     pub size: [u32; 2],
-    /// The version of the language before the first `#version`: 3.7 is 370.
-    pub version: u32,
+    /// The version of the language before the first `#version`: 3.7 is 370. `None`: 3.62, as POV-Ray 3.7 has it.
+    pub version: Option<u32>,
     /// Answers `trace`, `inside` and `min_extent`.
     pub probe: Option<Arc<dyn Probe>>,
     /// The only folder in which `#fopen … write` makes files; `None` keeps them in memory.
@@ -49,6 +49,8 @@ pub struct PovOptions {
     pub messages: Option<MessageSink>,
     /// Most tokens that are read, repeated ones counted each time: 500 million take some twenty seconds.
     pub work_limit: u64,
+    /// Longest time for reading.
+    pub time_limit: std::time::Duration,
     /// Most blocks `{ … }` that are read: each may become an object.
     pub block_limit: u64,
     /// Most directives, macros and expressions inside of one another.
@@ -61,15 +63,16 @@ impl Default for PovOptions {
             declares: Vec::new(),
             clock: 0.0,
             is_animation: false,
-            frame: 1,
-            frames: [1, 1],
-            clocks: [0.0, 1.0],
+            frame: 0,
+            frames: [0, 0],
+            clocks: [0.0, 0.0],
             size: [320, 240],
-            version: 362,
+            version: None,
             probe: None,
             output_folder: None,
             messages: None,
             work_limit: 500_000_000,
+            time_limit: std::time::Duration::from_secs(300),
             block_limit: 20_000_000,
             depth_limit: DEPTH_LIMIT,
         }

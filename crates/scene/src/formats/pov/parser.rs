@@ -67,12 +67,15 @@ pub struct Parser {
     pub(super) depth: u32,
     /// Tokens read so far.
     pub(super) work: u64,
+    pub(super) begun: std::time::Instant,
     /// Blocks `{ … }` begun so far.
     pub(super) braces: u64,
     pub(super) living_elements: Arc<AtomicU64>,
     /// Bytes of all strings made so far.
     pub(super) string_bytes: u64,
     pub(super) version: u32,
+    /// What the word `version` stands for: 3.7 before the first `#version`, though the scene is then read as one of 3.62.
+    pub(super) stated_version: u32,
     pub(super) streams: Streams,
     pub(super) default: Arc<Texture>,
     /// Whether the scene has a camera.
@@ -99,10 +102,12 @@ impl Parser {
             nesting: 0,
             depth: 0,
             work: 0,
+            begun: std::time::Instant::now(),
             braces: 0,
             living_elements: Arc::default(),
             string_bytes: 0,
             version: 362,
+            stated_version: 370,
             streams: Streams::default(),
             default: Arc::new(Texture::Layers(vec![Layer::default()])),
             has_camera: false,

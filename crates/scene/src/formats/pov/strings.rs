@@ -65,7 +65,7 @@ impl Parser {
             }
             "concat" => {
                 let mut text = self.string_value()?.to_string();
-                while self.accept(",")? {
+                while self.accept(",")? || self.at_string()? {
                     text.push_str(&self.string_value()?);
                     if text.len() > STRING_LIMIT {
                         self.count_string(&text, span)?;

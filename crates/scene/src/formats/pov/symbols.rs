@@ -116,11 +116,6 @@ impl Symbols {
         }
     }
 
-    /// Whether the name is bound at all, if only to an unset element or variable.
-    pub(super) fn is_bound(&self, name: Sym) -> bool {
-        self.bindings.get(name as usize).is_some_and(|l| !l.is_empty())
-    }
-
     /// Where `#declare` puts a name's value: in the innermost binding, else in the scene's scope.
     pub(super) fn place(&self, name: Sym) -> Place {
         match self.bindings.get(name as usize).and_then(|l| l.last()) {
@@ -131,8 +126,13 @@ impl Symbols {
     }
 
     /// Where `#local` puts a name's value.
+    ///
+    /// A parameter that stands for a variable of the caller stays one: `#local` changes the variable (measured).
     pub(super) fn local_place(&self, name: Sym, level: u32) -> Place {
-        Place { name, level, path: ArrayVec::new() }
+        match self.binding(name, level) {
+            Some(Binding { slot: Slot::Alias(place), .. }) => place.clone(),
+            _ => Place { name, level, path: ArrayVec::new() },
+        }
     }
 
     /// Binds a name in a scope to another variable.

@@ -260,7 +260,7 @@ pub(super) const WORDS: &[&str] = &[
     "media_interaction",
     "merge",
     "mesh",
-    "mesh2",
+    "mesh2", "mesh_camera",
     "metallic",
     "method",
     "metric",

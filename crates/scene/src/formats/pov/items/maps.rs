@@ -5,7 +5,7 @@ use std::sync::Arc;
 use etendue_procedural::{BlendMap, Color, Normal, Pigment, Texture};
 
 use super::super::{Parse, Parser, Token};
-use super::pattern::{COLOR_WORDS, pick};
+use super::pattern::{COLOR_WORDS, narrow, pick};
 
 /// Most entries of a map. POV-Ray has 256; more do no harm.
 const ENTRIES_LIMIT: usize = 65_536;
@@ -44,18 +44,18 @@ impl Parser {
             None => {
                 let mut entries = Vec::new();
                 while self.accept("[")? {
-                    let place = self.float()?;
+                    let place = narrow(self.float()?);
                     self.comma()?;
                     // `[a, b color A color B]`, the form of old scenes, stands for two entries.
                     if matches!(self.peek()?, Token::Number(_)) {
-                        let second = self.color()?;
+                        let second = self.num()?;
                         if self.at_end_of_body()? {
-                            entries.push((place, second));
+                            entries.push((place, second.color()));
                         } else {
                             self.comma()?;
                             entries.push((place, self.color()?));
                             self.comma()?;
-                            entries.push((second.rgb.x, self.color()?));
+                            entries.push((narrow(second.v[0]), self.color()?));
                         }
                     } else {
                         entries.push((place, self.color()?));
@@ -141,7 +141,7 @@ impl Parser {
             None => {
                 let mut entries = Vec::new();
                 while self.accept("[")? {
-                    let place = self.float()?;
+                    let place = narrow(self.float()?);
                     self.comma()?;
                     entries.push((place, self.vector2()?.into()));
                     self.end_of_entry(entries.len())?;
@@ -159,7 +159,7 @@ impl Parser {
         if weighted && (color_follows || !self.at_float()?) {
             return Ok(1.0);
         }
-        let place = self.float()?;
+        let place = narrow(self.float()?);
         self.comma()?;
         Ok(place)
     }

@@ -511,8 +511,8 @@ impl Parser {
     }
 }
 
-/// Frequency, phase and the like have single precision in POV-Ray (measured: phase 0.3 is 0.300000011920929).
-fn narrow(v: f64) -> f64 {
+/// Frequency, phase, places in maps and the like have single precision in POV-Ray (measured: phase 0.3 is 0.300000011920929).
+pub(super) fn narrow(v: f64) -> f64 {
     f64::from(v as f32)
 }
 
@@ -520,4 +520,54 @@ fn narrow(v: f64) -> f64 {
 pub(super) fn change_kind(pattern: &mut Pattern, kind: PatternKind) {
     pattern.wave = Wave::of(&kind);
     pattern.kind = kind;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use etendue_procedural::Context;
+
+    fn numbers(text: &str, separator: char) -> Vec<f64> {
+        text.split(separator).map(|n| n.parse().unwrap()).collect()
+    }
+
+    /// Every pattern and pigment of the list has POV-Ray's values.
+    #[test]
+    fn measured_values() {
+        let mut points = Vec::new();
+        let mut wrong = Vec::new();
+        for line in include_str!("../../../../tests/pov/patterns.txt").lines() {
+            if let Some(rest) = line.strip_prefix("points ") {
+                points = rest.split(' ').map(|p| DVec3::from_slice(&numbers(p, ','))).collect();
+                continue;
+            }
+            let mut parts = line.splitn(3, '|');
+            let (kind, body, values) = (parts.next().unwrap(), parts.next(), parts.next());
+            let (Some(body), Some(values)) = (body, values) else { continue };
+            let mut parser = Parser::from_text(&format!("{body} }}"));
+            for (p, expected) in points.iter().zip(values.split(' ')) {
+                let expected = numbers(expected, ',');
+                let context = Context::at(*p);
+                let got = if kind == "pattern" {
+                    let mut parser = Parser::from_text(&format!("{body} }}"));
+                    parser.pattern().map(|pattern| vec![pattern.value(&context)])
+                } else {
+                    let pigment = parser.pigment_body(None).map(Some).unwrap_or(None);
+                    parser = Parser::from_text(&format!("{body} }}"));
+                    pigment
+                        .map(|p| p.color(&context))
+                        .map(|c| vec![c.rgb.x, c.rgb.y, c.rgb.z, c.filter, c.transmit])
+                        .ok_or(super::super::super::Stop)
+                };
+                let Ok(got) = got else {
+                    wrong.push(format!("{body}: not read: {:?}", parser.report));
+                    break;
+                };
+                if expected.iter().zip(&got).any(|(e, g)| (e - g).abs() > 2e-6) {
+                    wrong.push(format!("{body} at {p}: {got:?}, measured {expected:?}"));
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "{} differ:\n{}", wrong.len(), wrong.join("\n"));
+    }
 }

@@ -71,7 +71,7 @@ impl Parser {
     }
 
     /// Pigment, normal or finish, which change the lowest layer.
-    fn layer_item(&mut self, texture: &mut Texture) -> Parse<bool> {
+    pub(super) fn layer_item(&mut self, texture: &mut Texture) -> Parse<bool> {
         let word = self.peek_word()?;
         let Texture::Layers(layers) = texture else { return Ok(false) };
         let Some(layer) = layers.first_mut() else { return Ok(false) };
