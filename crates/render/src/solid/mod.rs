@@ -14,15 +14,18 @@ mod bounds;
 mod bvh;
 mod compile;
 mod cone;
+mod container;
 mod cuboid;
 pub mod curve;
 mod disc;
 pub mod height_field;
+pub mod isosurface;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
 mod mesh;
 pub mod ovus;
+pub mod parametric;
 mod plane;
 pub mod poly;
 mod polygon;
