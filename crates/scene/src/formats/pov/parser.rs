@@ -67,6 +67,7 @@ pub struct Parser {
     pub(super) depth: u32,
     /// Tokens read so far.
     pub(super) work: u64,
+    pub(super) begun: std::time::Instant,
     /// Blocks `{ … }` begun so far.
     pub(super) braces: u64,
     pub(super) living_elements: Arc<AtomicU64>,
@@ -101,6 +102,7 @@ impl Parser {
             nesting: 0,
             depth: 0,
             work: 0,
+            begun: std::time::Instant::now(),
             braces: 0,
             living_elements: Arc::default(),
             string_bytes: 0,
