@@ -51,7 +51,9 @@ pub struct Select {
     condition: Operand,
     to: Operand,
     /// The conditional jump to the next case.
-    next: Option<usize>,
+    next: usize,
+    /// Whether that is the test for zero.
+    zero: bool,
     /// Jumps to the end.
     ends: Vec<usize>,
     scope: usize,
@@ -208,49 +210,56 @@ impl Builder {
         to
     }
 
-    /// Begins `select(condition, …)`. Then the code of each case is built, each followed by [`Self::end_case`].
+    /// Begins `select(condition, …)`. Then the code of each case is built: for negative conditions, for zero, for positive ones. Each
+    /// but the last is followed by [`Self::next_case`], the last by [`Self::end_select`]. Of two, the second is for all that are not
+    /// negative.
     pub fn begin_select(&mut self, condition: Operand) -> Select {
         let to = self.register();
         let next = self.code.len();
         self.code.push(Instruction::JumpUnlessNegative { a: condition.0 as u32, target: u32::MAX });
-        Select { condition, to, next: Some(next), ends: Vec::new(), scope: self.entered.len() }
+        Select { condition, to, next, zero: false, ends: Vec::new(), scope: self.entered.len() }
     }
 
-    /// Ends a case with its value: the first for negative conditions, the second for zero, the third for positive ones. `last` says
-    /// that no further case comes; of two, the second is for all that are not negative.
-    pub fn end_case(&mut self, select: &mut Select, value: Operand, second_of_three: bool, last: bool) {
+    /// Ends the first or second case with its value.
+    pub fn next_case(&mut self, select: &mut Select, value: Operand) {
         self.code.push(Instruction::Copy { to: select.to.0 as u32, a: value.0 as u32 });
         self.leave_scope(select.scope);
-        if last {
-            return;
-        }
         select.ends.push(self.code.len());
         self.code.push(Instruction::Jump { target: u32::MAX });
-        self.land(select.next.take());
-        if second_of_three {
-            select.next = Some(self.code.len());
+        self.land(select.next);
+        select.zero = !select.zero;
+        if select.zero {
+            select.next = self.code.len();
             self.code.push(Instruction::JumpUnlessZero { a: select.condition.0 as u32, target: u32::MAX });
         }
     }
 
-    /// Ends `select`; its value.
-    pub fn end_select(&mut self, mut select: Select) -> Operand {
-        self.land(select.next.take());
+    /// Ends the last case with its value; the value of all.
+    pub fn end_select(&mut self, select: Select, value: Operand) -> Operand {
+        self.code.push(Instruction::Copy { to: select.to.0 as u32, a: value.0 as u32 });
+        self.leave_scope(select.scope);
+        if select.zero {
+            // The second case was the last: the test for zero leads to it either way.
+            let here = select.next as u32 + 1;
+            if let Some(Instruction::JumpUnlessZero { target, .. }) = self.code.get_mut(select.next) {
+                *target = here;
+            }
+        }
         for end in select.ends {
-            self.land(Some(end));
+            self.land(end);
         }
         select.to
     }
 
     /// Lets a jump lead to the next instruction.
-    fn land(&mut self, jump: Option<usize>) {
+    fn land(&mut self, jump: usize) {
         let here = self.code.len() as u32;
         if let Some(
             Instruction::Jump { target }
             | Instruction::JumpUnlessNegative { target, .. }
             | Instruction::JumpUnlessZero { target, .. }
             | Instruction::JumpUnlessLessEqual { target, .. },
-        ) = jump.and_then(|j| self.code.get_mut(j))
+        ) = self.code.get_mut(jump)
         {
             *target = here;
         }
@@ -278,7 +287,7 @@ impl Builder {
         self.code.push(Instruction::Binary { operation: Binary::Add, to: l.variable.0 as u32, a: l.variable.0 as u32, b: one.0 as u32 });
         self.code.push(Instruction::Jump { target: l.start as u32 });
         self.leave_scope(l.scope);
-        self.land(Some(l.start));
+        self.land(l.start);
         l.sum
     }
 

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-pub use builder::{Builder, TooLong};
+pub use builder::{Builder, Loop, Operand, Select, TooLong};
 pub use internal::Internal;
 pub use operation::{Binary, Component, Unary};
 pub use program::Program;

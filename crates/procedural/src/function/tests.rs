@@ -12,11 +12,10 @@ fn loops_and_selections() {
     let (i, two) = (b.parameter("i").unwrap(), b.number(2.0));
     let d = b.binary(Binary::Subtract, i, two);
     let mut s = b.begin_select(d);
-    for (k, v) in [1.0, 10.0, 100.0].into_iter().enumerate() {
-        let v = b.number(v);
-        b.end_case(&mut s, v, k == 0, k == 2);
-    }
-    let term = b.end_select(s);
+    let values = [1.0, 10.0, 100.0].map(|v| b.number(v));
+    b.next_case(&mut s, values[0]);
+    b.next_case(&mut s, values[1]);
+    let term = b.end_select(s, values[2]);
     let sum = b.end_loop(l, term);
     let f = b.finish(sum).unwrap();
     assert_eq!(at(&f, &[4.0]), 211.0);

@@ -169,7 +169,7 @@ impl Parser {
     }
 
     /// A number, identifier, function, vector or parenthesis, with the components picked by dots.
-    fn operand(&mut self) -> Parse<Num> {
+    pub(super) fn operand(&mut self) -> Parse<Num> {
         let mut n = match self.peek()? {
             Token::Number(x) => {
                 let x = *x;

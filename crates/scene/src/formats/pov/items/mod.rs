@@ -25,4 +25,5 @@ mod solids_large;
 mod solids_mesh;
 mod solids_text;
 mod texture;
+pub(crate) use function::{SPLINE_WORDS, spline_kind};
 pub(crate) use object::OBJECT_WORDS;
