@@ -242,7 +242,7 @@ fn perlin(p: DVec3) -> f64 {
 mod tests {
     use super::*;
 
-    // Values of POV-Ray 3.7.0.10, written with `#write` by `bench/noise_tables.py --tests`.
+    // Values of POV-Ray 3.7.0.10, written with `#write`.
     /// Point; noise of generators 1, 2, 3.
     #[rustfmt::skip]
 const NOISE: [(DVec3, [f64; 3]); 18] = [

@@ -13,6 +13,26 @@ use crate::noise_tables::{HASH, HASH_SIZE, TWISTER, step};
 /// Points this close below a border of two cells belong to the upper one.
 const BORDER: f64 = 1e-10;
 
+/// Cubes within one of a point's own and those two off along one axis, near ones first.
+const NEIGHBORS: [[i8; 3]; 81] = {
+    let mut list = [[0; 3]; 81];
+    let (mut length, mut square) = (0, 0);
+    while square <= 6 {
+        let mut n = 0;
+        while n < 125 {
+            let o = [n % 5 - 2, n / 5 % 5 - 2, n / 25 - 2];
+            // Two steps along two axes would make a square of 8 at least.
+            if o[0] * o[0] + o[1] * o[1] + o[2] * o[2] == square {
+                list[length] = [o[0] as i8, o[1] as i8, o[2] as i8];
+                length += 1;
+            }
+            n += 1;
+        }
+        square += 1;
+    }
+    list
+};
+
 /// Number of a unit cell, 0 to 4095; unlike the lattice of the noise, cells are numbered from 0 on.
 fn cell_hash(cell: [i64; 3]) -> usize {
     cell.into_iter().fold(None, |h, i| Some(usize::from(HASH[(h.unwrap_or(0) ^ (i & 4095) as usize) % HASH_SIZE]))).unwrap_or(0)
@@ -58,34 +78,29 @@ pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, gen
     };
     let mut best = [f64::INFINITY; 3];
     let mut nearest = p;
-    // Cubes within one of the point's own, then those two off along one axis: by distance, so that most are left out below.
-    for class in 0..=6 {
-        for n in 0..125_i64 {
-            let offset = [n % 5 - 2, n / 5 % 5 - 2, n / 25 - 2];
-            if offset.iter().map(|o| o * o).sum::<i64>() != class || offset.iter().filter(|o| o.abs() == 2).count() > 1 {
-                continue;
-            }
-            // Least distance to any point of the cube.
-            let gap = |axis: usize| match offset[axis] {
-                0 => 0.0,
-                o if o < 0 => d[axis] - (o + 1) as f64,
-                o => o as f64 - d[axis],
-            };
-            if power(gap(0)) + power(gap(1)) + power(gap(2)) >= best[needed] {
-                continue;
-            }
-            let cell = [0, 1, 2].map(|axis| base[axis].wrapping_add(offset[axis]));
-            let h = cell_hash(cell);
-            let point = [0, 1, 2].map(|axis| offset[axis] as f64 + uniform(h + axis));
-            let s = power(d[0] - point[0]) + power(d[1] - point[1]) + power(d[2] - point[2]);
-            if s < best[0] {
-                nearest = floor + DVec3::from_array(point);
-                best = [s, best[0], best[1]];
-            } else if s < best[1] {
-                best = [best[0], s, best[1]];
-            } else if s < best[2] {
-                best[2] = s;
-            }
+    // Near cubes come first, so that most of the others are left out below.
+    for neighbor in NEIGHBORS {
+        // Least distance to any point of the cube.
+        let step = neighbor.map(i64::from);
+        let gap = |axis: usize| match step[axis] {
+            0 => 0.0,
+            o if o < 0 => d[axis] - (o + 1) as f64,
+            o => o as f64 - d[axis],
+        };
+        if power(gap(0)) + power(gap(1)) + power(gap(2)) >= best[needed] {
+            continue;
+        }
+        let cell = [0, 1, 2].map(|axis| base[axis].wrapping_add(step[axis]));
+        let h = cell_hash(cell);
+        let point = [0, 1, 2].map(|axis| step[axis] as f64 + uniform(h + axis));
+        let s = power(d[0] - point[0]) + power(d[1] - point[1]) + power(d[2] - point[2]);
+        if s < best[0] {
+            nearest = floor + DVec3::from_array(point);
+            best = [s, best[0], best[1]];
+        } else if s < best[1] {
+            best = [best[0], s, best[1]];
+        } else if s < best[2] {
+            best[2] = s;
         }
     }
     if solid {
