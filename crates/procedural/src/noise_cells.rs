@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use glam::DVec3;
 
 use crate::fns;
-use crate::noise::{noise, vector_noise};
+use crate::noise::{noise, unit, vector_noise};
 use crate::noise_tables::{HASH, HASH_SIZE, TWISTER, step};
 
 /// Points this close below a border of two cells belong to the upper one.
@@ -121,7 +121,7 @@ pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, gen
                 fns::pow(s, 1.0 / metric)
             }
     };
-    (distance(form.x, best[0]) + distance(form.y, best[1]) + distance(form.z, best[2])).max(0.0).min(1.0)
+    unit(distance(form.x, best[0]) + distance(form.y, best[1]) + distance(form.z, best[2]))
 }
 
 /// Centers of ripples and waves, on the unit sphere, and the frequencies of waves.
