@@ -6,7 +6,6 @@ use glam::DVec3;
 use std::sync::Arc;
 
 use super::expression::{rotation, rotation_about};
-use super::items::{SPLINE_WORDS, spline_kind};
 use super::parser::{Parse, Parser, Token};
 use super::value::{Num, Value};
 use crate::desc::classic::Object;
