@@ -138,7 +138,6 @@ impl<'a> Compiler<'a> {
         let address = match solid {
             Solid::Polygon(data) => Arc::as_ptr(data) as usize,
             Solid::Mesh(data) => Arc::as_ptr(data) as usize,
-            Solid::Polynomial { coefficients, .. } => Arc::as_ptr(coefficients) as usize,
             Solid::Blob(data) => Arc::as_ptr(data) as usize,
             Solid::Prism(data) => Arc::as_ptr(data) as usize,
             Solid::HeightField(data) => Arc::as_ptr(data) as usize,
@@ -157,7 +156,6 @@ impl<'a> Compiler<'a> {
     }
 
     fn make(&self, solid: &Solid) -> Option<Arc<dyn Primitive>> {
-        let _ = self.images;
         match solid {
             Solid::Torus { major, minor } => shared(super::torus::Torus::new(*major, *minor)),
             Solid::Polygon(points) => shared(super::polygon::Polygon::new(points)),
@@ -165,9 +163,8 @@ impl<'a> Compiler<'a> {
             Solid::Quadric { squares, mixed, linear, constant } => {
                 shared(super::quadric::Quadric::new(*squares, *mixed, *linear, *constant))
             }
-            Solid::Polynomial { order, coefficients } => shared(super::poly::Poly::new(*order as usize, coefficients.to_vec())),
             Solid::Text(text) => shared(super::text::Text::new(text)),
-            _ => None,
+            _ => super::advanced::make(solid, self.images),
         }
     }
 }

@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Most heights that are taken: more would need too much memory.
-const MOST: usize = 1 << 28;
+pub const MOST: usize = 1 << 28;
 
 /// Normals are stored in steps of one over this.
 const NORMAL_STEPS: f64 = 32767.0;
@@ -196,7 +196,15 @@ impl HeightField {
     }
 
     /// Crossings of one cell, which the line is in between the ends of an interval.
-    fn cell(&self, i: usize, j: usize, line: &Line, (a, b): (f64, f64), (t_min, t_max): (f64, f64), visit: &mut dyn FnMut(Crossing) -> bool) -> bool {
+    fn cell(
+        &self,
+        i: usize,
+        j: usize,
+        line: &Line,
+        (a, b): (f64, f64),
+        (t_min, t_max): (f64, f64),
+        visit: &mut dyn FnMut(Crossing) -> bool,
+    ) -> bool {
         let (columns, rows) = ((self.columns - 1) as f64, (self.rows - 1) as f64);
         let (ox, dx) = (line.o.x * columns - i as f64, line.d.x * columns);
         let (oz, dz) = (line.o.z * rows - j as f64, line.d.z * rows);

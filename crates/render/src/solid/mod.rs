@@ -8,6 +8,8 @@
 //! objects ─tree→ leaves (what is inherited filled in, placed in world space) under nodes (union, intersection, merge) ─bvh→ World
 //! ```
 
+mod advanced;
+pub mod blob;
 mod bounds;
 mod bvh;
 mod compile;
@@ -15,10 +17,12 @@ mod cone;
 mod cuboid;
 pub mod curve;
 mod disc;
+pub mod height_field;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
 mod mesh;
+pub mod ovus;
 mod plane;
 pub mod poly;
 mod polygon;
@@ -26,7 +30,9 @@ pub mod prism;
 mod probe;
 mod quadric;
 pub mod roots;
+pub mod sor;
 mod sphere;
+pub mod superellipsoid;
 mod text;
 mod torus;
 mod trace;

@@ -175,7 +175,9 @@ mod tests {
 
     #[test]
     fn surface_coordinates_as_measured() {
-        for (bottom, top, y, v) in [(1.0, 0.6, 0.5, 0.5666), (1.0, 0.2, -0.5, 0.3071), (1.0, 1.6, 1.0, 0.5396), (2.0, 1.0, 0.0, 0.4219), (1.0, 2.5, 2.0, 0.631)] {
+        for (bottom, top, y, v) in
+            [(1.0, 0.6, 0.5, 0.5666), (1.0, 0.2, -0.5, 0.3071), (1.0, 1.6, 1.0, 0.5396), (2.0, 1.0, 0.0, 0.4219), (1.0, 2.5, 2.0, 0.631)]
+        {
             let shape = new(bottom, top);
             let line = Line { o: DVec3::new(0.0, y, 10.0), d: DVec3::NEG_Z };
             let c = crossings(&shape, &line, 0.0, 1e3)[0];

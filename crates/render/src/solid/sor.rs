@@ -52,11 +52,7 @@ impl Sor {
             // Hermite form in height above P1, moved to begin at the lower end.
             let d = squares[2] - squares[1];
             let (a2, a3) = ((3.0 * d / h - 2.0 * s1 - s2) / h, (s1 + s2 - 2.0 * d / h) / (h * h));
-            let c = if h > 0.0 {
-                [squares[1], s1, a2, a3]
-            } else {
-                [squares[2], s2, a2 + 3.0 * a3 * h, a3]
-            };
+            let c = if h > 0.0 { [squares[1], s1, a2, a3] } else { [squares[2], s2, a2 + 3.0 * a3 * h, a3] };
             let height = h.abs();
             let mut largest = squares[1].max(squares[2]);
             for u in roots::quadratic_in(&[c[1], 2.0 * c[2], 3.0 * c[3]], 0.0, height) {
@@ -182,7 +178,10 @@ impl Primitive for Sor {
         let v = match crossing.part {
             BOTTOM => -rim(self.caps()[0]),
             TOP => 1.0 + rim(self.caps()[1]),
-            i => self.pieces.get(i as usize).map_or(0.0, |q| (q.number as f64 + (p.y - q.bottom) / (q.top - q.bottom)) / self.pieces.len() as f64),
+            i => self
+                .pieces
+                .get(i as usize)
+                .map_or(0.0, |q| (q.number as f64 + (p.y - q.bottom) / (q.top - q.bottom)) / self.pieces.len() as f64),
         };
         DVec2::new(turn(p), v)
     }

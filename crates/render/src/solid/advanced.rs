@@ -1,0 +1,89 @@
+//! The advanced shapes of the description as primitives.
+
+use std::sync::Arc;
+
+use etendue_procedural::Images;
+use etendue_scene::desc::classic::{BlobKind, CurveKind, HeightField, HeightSource, Solid};
+
+use super::curve::SplineKind;
+use super::{Primitive, blob, height_field, lathe, ovus, poly, prism, sor, superellipsoid};
+
+fn kind(kind: CurveKind) -> SplineKind {
+    match kind {
+        CurveKind::Linear => SplineKind::Linear,
+        CurveKind::Quadratic => SplineKind::Quadratic,
+        CurveKind::Cubic => SplineKind::Cubic,
+        CurveKind::Bezier => SplineKind::Bezier,
+    }
+}
+
+/// The primitive of an advanced shape; `None` for degenerate numbers and for all other shapes.
+pub(super) fn make(solid: &Solid, images: Option<&dyn Images>) -> Option<Arc<dyn Primitive>> {
+    Some(match solid {
+        Solid::Polynomial { order, coefficients } => Arc::new(poly::Poly::new(*order as usize, coefficients.to_vec())?),
+        Solid::Blob(b) => Arc::new(blob::Blob::new(b.threshold, &b.components.iter().map(component).collect::<Vec<_>>())?),
+        Solid::Lathe { spline, points } => Arc::new(lathe::Lathe::new(kind(*spline), points)?),
+        Solid::Sor { points, open } => Arc::new(sor::Sor::new(points, *open)?),
+        Solid::Prism(p) => Arc::new(prism::Prism::new(kind(p.spline), p.conic, p.open, p.heights, &p.points)?),
+        Solid::Superellipsoid { e, n } => Arc::new(superellipsoid::Superellipsoid::new(*e, *n)?),
+        Solid::HeightField(field) => Arc::new(landscape(field, images)?),
+        Solid::Ovus { bottom, top } => Arc::new(ovus::Ovus::new(*bottom, *top)?),
+        _ => return None,
+    })
+}
+
+fn component(c: &etendue_scene::desc::classic::BlobComponent) -> blob::Component {
+    blob::Component {
+        core: match c.kind {
+            BlobKind::Sphere(p) => blob::Core::Point(p),
+            BlobKind::Cylinder(a, b) => blob::Core::Segment(a, b),
+        },
+        radius: c.radius,
+        strength: c.strength,
+        blob_from_component: c.blob_from_component,
+        texture: c.texture.clone(),
+    }
+}
+
+/// Heights in the levels that POV-Ray stores.
+fn landscape(field: &HeightField, images: Option<&dyn Images>) -> Option<height_field::HeightField> {
+    match &field.source {
+        HeightSource::Values { width, height, values } => {
+            if values.len() != (*width as usize).checked_mul(*height as usize)? {
+                return None;
+            }
+            let heights: Vec<f64> = values.iter().map(|v| height_field::from_function(*v)).collect();
+            height_field::HeightField::new(*width as usize, &heights, field.smooth, field.water_level)
+        }
+        HeightSource::Image(id) => {
+            let images = images?;
+            let [width, height] = images.size(*id)?;
+            if u64::from(width) * u64::from(height) > height_field::MOST as u64 {
+                return None;
+            }
+            let mut heights = Vec::with_capacity(width as usize * height as usize);
+            let mut bytes = true;
+            for y in 0..height {
+                for x in 0..width {
+                    let value = match images.index(*id, x, y) {
+                        Some(index) => f64::from(index) / 255.0,
+                        None => {
+                            let c = images.pixel(*id, x, y);
+                            (256.0 * c.rgb.x + c.rgb.y) / 257.0
+                        }
+                    };
+                    bytes &= ((value * 255.0).round() - value * 255.0).abs() < 1e-4;
+                    heights.push(value);
+                }
+            }
+            for value in &mut heights {
+                *value = if bytes {
+                    height_field::from_gray((*value * 255.0).round() as u8)
+                } else {
+                    height_field::from_function(value.clamp(0.0, 1.0))
+                };
+            }
+            height_field::HeightField::new(width as usize, &heights, field.smooth, field.water_level)
+        }
+    }
+}
