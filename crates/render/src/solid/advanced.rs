@@ -6,7 +6,7 @@ use etendue_procedural::Images;
 use etendue_scene::desc::classic::{BlobKind, CurveKind, HeightField, HeightSource, Solid};
 
 use super::curve::SplineKind;
-use super::{Primitive, blob, height_field, lathe, ovus, poly, prism, sor, superellipsoid};
+use super::{Primitive, blob, height_field, julia, lathe, ovus, poly, prism, sor, superellipsoid};
 
 fn kind(kind: CurveKind) -> SplineKind {
     match kind {
@@ -26,6 +26,9 @@ pub(super) fn make(solid: &Solid, images: Option<&dyn Images>) -> Option<Arc<dyn
         Solid::Sor { points, open } => Arc::new(sor::Sor::new(points, *open)?),
         Solid::Prism(p) => Arc::new(prism::Prism::new(kind(p.spline), p.conic, p.open, p.heights, &p.points)?),
         Solid::Superellipsoid { e, n } => Arc::new(superellipsoid::Superellipsoid::new(*e, *n)?),
+        Solid::JuliaFractal(j) => {
+            Arc::new(julia::Julia::new(j.parameter, j.hypercomplex, j.function, j.max_iteration, j.precision, j.slice, j.distance)?)
+        }
         Solid::HeightField(field) => Arc::new(landscape(field, images)?),
         Solid::Ovus { bottom, top } => Arc::new(ovus::Ovus::new(*bottom, *top)?),
         _ => return None,

@@ -18,6 +18,8 @@ mod cuboid;
 pub mod curve;
 mod disc;
 pub mod height_field;
+mod hypercomplex;
+pub mod julia;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
