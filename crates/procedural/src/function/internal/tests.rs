@@ -339,7 +339,6 @@ fn functions_agree_with_pov_ray() {
 }
 
 #[test]
-#[ignore = "until the noise is there"]
 fn noise_functions_agree_with_pov_ray() {
     assert_eq!(differing(MEASURED_NOISE), Vec::<String>::new());
 }
