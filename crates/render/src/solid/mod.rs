@@ -9,6 +9,7 @@
 //! ```
 
 mod advanced;
+pub mod bicubic_patch;
 pub mod blob;
 mod bounds;
 mod bvh;
@@ -37,6 +38,7 @@ mod quadric;
 pub mod roots;
 pub mod sor;
 mod sphere;
+pub mod sphere_sweep;
 pub mod superellipsoid;
 mod text;
 mod torus;
