@@ -19,9 +19,11 @@ use glam::{DMat4, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 pub use density_file::{DensityFile, DensityInterpolation};
+pub(crate) use eval::gray;
 pub use fractal::{Coloring, Fractal, FractalSet};
 pub use pavement::Pavement;
 pub use placement::{Operation, Placement, Turbulent};
+pub(crate) use simple::quilted_vector;
 pub use wave::{Wave, WaveForm};
 
 use crate::{Context, Function, ImageMap, ObjectId, Pigment};

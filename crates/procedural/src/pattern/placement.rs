@@ -62,6 +62,28 @@ impl Placement {
         }
     }
 
+    /// A normal, of world space, in the pattern's space. Warps leave it as it is (measured).
+    pub fn normal_inwards(&self, n: DVec3) -> DVec3 {
+        let mut n = n;
+        for operation in self.operations.iter().rev() {
+            if let Operation::Inner(inner_from_outer) = operation {
+                // Inverse transpose, by cofactors.
+                let m = inner_from_outer.matrix3;
+                let determinant = m.determinant();
+                n = (m.y_axis.cross(m.z_axis) * n.x + m.z_axis.cross(m.x_axis) * n.y + m.x_axis.cross(m.y_axis) * n.z) / determinant;
+            }
+        }
+        n
+    }
+
+    /// A normal of the pattern's space in world space, not of length 1.
+    pub fn normal_outwards(&self, n: DVec3) -> DVec3 {
+        self.operations.iter().fold(n, |n, operation| match operation {
+            Operation::Inner(inner_from_outer) => inner_from_outer.matrix3.transpose() * n,
+            Operation::Warp(_) => n,
+        })
+    }
+
     /// Moves the pattern. A transform without inverse leaves it where it is.
     pub fn transform(&mut self, world_from_old: &DMat4) {
         let inverse = DAffine3::from_mat4(*world_from_old).inverse();

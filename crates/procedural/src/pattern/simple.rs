@@ -35,14 +35,18 @@ pub(super) fn leopard(p: DVec3) -> f64 {
     v * v
 }
 
-/// `quilted`: a cubic Bézier curve of the distance to the cube's center, times the mean of the coordinates' sizes over it.
-pub(super) fn quilted(p: DVec3, control0: f64, control1: f64) -> f64 {
-    let v = (p - p.floor() - DVec3::splat(0.5)).abs();
+/// `quilted` as a vector, as normals take it: from the cube's center, its length a cubic Bézier curve of the distance.
+pub(crate) fn quilted_vector(p: DVec3, control0: f64, control1: f64) -> DVec3 {
+    let v = p - p.floor() - DVec3::splat(0.5);
     let t = v.length();
     let s = 1.0 - t;
-    let curve = t * (3.0 * s * (control0 * s + control1 * t) + t * t);
-    // 3 · √(3/4): the largest distance, three times.
-    curve * v.element_sum() / 2.598_076_211_353_316
+    // Over √(3/4), the largest distance.
+    v * (t * (3.0 * s * (control0 * s + control1 * t) + t * t) / 0.866_025_403_784_438_6)
+}
+
+/// `quilted`: mean of the sizes of the vector's components.
+pub(super) fn quilted(p: DVec3, control0: f64, control1: f64) -> f64 {
+    quilted_vector(p, control0, control1).abs().element_sum() / 3.0
 }
 
 /// Angle around the z axis in turns, [0, 1), from −y.

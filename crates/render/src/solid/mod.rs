@@ -9,6 +9,7 @@
 //! ```
 
 mod advanced;
+pub mod bicubic_patch;
 pub mod blob;
 mod bounds;
 mod bvh;
@@ -19,6 +20,8 @@ mod cuboid;
 pub mod curve;
 mod disc;
 pub mod height_field;
+mod hypercomplex;
+pub mod julia;
 pub mod isosurface;
 pub mod lathe;
 #[cfg(test)]
@@ -35,6 +38,7 @@ mod quadric;
 pub mod roots;
 pub mod sor;
 mod sphere;
+pub mod sphere_sweep;
 pub mod superellipsoid;
 mod text;
 mod torus;

@@ -1,11 +1,11 @@
 //! Functions and variables that words stand for in numeric expressions.
 
+use etendue_procedural::spline::SplineKind;
 use etendue_procedural::{Context, Function, Spline, fns, noise};
 use glam::DVec3;
 use std::sync::Arc;
 
 use super::expression::{rotation, rotation_about};
-use super::items::{SPLINE_WORDS, spline_kind};
 use super::parser::{Parse, Parser, Token};
 use super::value::{Num, Value};
 use crate::desc::classic::Object;
@@ -170,7 +170,6 @@ impl Parser {
             "asin" => fns::asin(a),
             "asinh" => fns::asinh(a),
             "atan" => fns::atan(a),
-            "atand" => fns::atan(a).to_degrees(),
             "atanh" => fns::atanh(a),
             "atan2" => fns::atan2(a, self.argument_float(false)?),
             "ceil" => a.ceil(),
@@ -287,6 +286,7 @@ impl Parser {
                 let normal = if self.accept(",")? { Some(self.variable("trace")?) } else { None };
                 let Some(probe) = self.options.probe.clone() else { return Err(self.no_probe(span, word)) };
                 let hit = probe.trace(&object, origin, direction);
+                self.check_time()?;
                 if let Some((place, _)) = normal {
                     let n = hit.map_or(DVec3::ZERO, |h| h.1);
                     self.assign(&place, Num::vector3(n).value(), span)?;
@@ -304,29 +304,44 @@ impl Parser {
 
     /// The arguments of a user function, and its value.
     pub(super) fn call_function(&mut self, f: &Arc<Function>) -> Parse<Num> {
+        let span = self.span();
         self.expect("(")?;
         let mut arguments = Vec::new();
         while !self.accept(")")? {
             arguments.push(self.full_float()?);
             self.comma()?;
         }
+        let count = f.parameters.len();
+        if arguments.len() != count {
+            return Err(self.error(span, format!("the function takes {count} arguments, but here are {}", arguments.len())));
+        }
         let mut context = Context::at(DVec3::ZERO);
         context.noise_generator = self.scene.settings.noise_generator;
-        let value = f.eval_vector(&arguments, &context);
-        Ok(Num::vector(&value[..f.components()]))
+        let values = f.eval_vector(&arguments, &context);
+        // A function may be a long computation.
+        self.check_time()?;
+        let len = f.components().clamp(1, 5);
+        Ok(if f.is_vector() { Num::vector(&values[..len.max(2)]) } else { Num::float(values[0]) })
     }
 
     /// `Spline(t)` or `Spline(t, type)`.
     pub(super) fn call_spline(&mut self, s: &Arc<Spline>) -> Parse<Num> {
         self.expect("(")?;
         let t = self.full_float()?;
-        let mut kind = None;
+        let mut values = None;
         if self.accept(",")? {
-            kind = self.accept_any(SPLINE_WORDS)?.and_then(spline_kind);
+            let kind = match self.accept_any(&["linear_spline", "quadratic_spline", "cubic_spline", "natural_spline"])? {
+                Some("linear_spline") => SplineKind::Linear,
+                Some("quadratic_spline") => SplineKind::Quadratic,
+                Some("cubic_spline") => SplineKind::Cubic,
+                Some(_) => SplineKind::Natural,
+                None => return Err(self.unexpected("a spline's type")),
+            };
+            values = Some(s.with_kind(kind).eval(t));
         }
         self.expect(")")?;
-        let value = kind.map_or_else(|| s.eval(t), |k| s.with_kind(k).eval(t));
-        Ok(Num::vector(&value[..s.components()]))
+        let values = values.unwrap_or_else(|| s.eval(t));
+        Ok(Num::vector(&values[..s.components().clamp(2, 5)]))
     }
 }
 

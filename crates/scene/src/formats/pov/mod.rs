@@ -33,7 +33,7 @@ pub use parser::{Parse, Parser, Stop, Token};
 pub use probe::Probe;
 pub use value::{Array, Macro, Material, Num, Value};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::{ReadOptions, Resolver};
 use crate::desc::SceneDesc;
@@ -46,7 +46,22 @@ const STACK_SIZE: usize = 256 << 20;
 /// Most bytes of a scene file.
 const SCENE_LIMIT: u64 = 1 << 30;
 
-/// Reads a scene file. Include files are looked for in its folder, in the folder of the file that names them, and in the search paths.
+/// Folders of POV-Ray's own include files, as far as they exist: those that the environment variable `ETENDUE_POV_INCLUDE` names, else
+/// those of an installed POV-Ray.
+pub fn library_folders() -> Vec<PathBuf> {
+    let named = std::env::var_os("ETENDUE_POV_INCLUDE");
+    let folders: Vec<PathBuf> = match &named {
+        Some(text) => std::env::split_paths(text).collect(),
+        None => ["/usr/share", "/usr/local/share"]
+            .iter()
+            .flat_map(|root| ["povray-3.7/include", "povray/include", "fonts/truetype/povray"].map(|f| Path::new(root).join(f)))
+            .collect(),
+    };
+    folders.into_iter().filter(|f| f.is_dir()).collect()
+}
+
+/// Reads a scene file. Include files are looked for in its folder, in the folder of the file that names them, in the search paths, and in
+/// [`library_folders`].
 ///
 /// # Errors
 /// [`ReadError`] with the fault at which reading ended.
@@ -60,7 +75,9 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
         super::ResolveError::Io(_, source) => io(source),
         other => ReadError::Unsupported { path: path.to_owned(), reason: other.to_string() },
     })?;
-    read_bytes(path, &bytes, options)
+    let mut options = options.clone();
+    options.search_paths.extend(library_folders());
+    read_bytes(path, &bytes, &options)
 }
 
 /// Reads a scene from the bytes of a file; `path` names it in messages, and its folder is where the names of other files start.

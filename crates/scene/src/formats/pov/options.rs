@@ -49,6 +49,8 @@ pub struct PovOptions {
     pub messages: Option<MessageSink>,
     /// Most tokens that are read, repeated ones counted each time: 500 million take some twenty seconds.
     pub work_limit: u64,
+    /// Longest time for reading.
+    pub time_limit: std::time::Duration,
     /// Most blocks `{ … }` that are read: each may become an object.
     pub block_limit: u64,
     /// Most directives, macros and expressions inside of one another.
@@ -70,6 +72,7 @@ impl Default for PovOptions {
             output_folder: None,
             messages: None,
             work_limit: 500_000_000,
+            time_limit: std::time::Duration::from_secs(300),
             block_limit: 20_000_000,
             depth_limit: DEPTH_LIMIT,
         }

@@ -223,9 +223,21 @@ impl Parser {
             f.at += 1;
         }
         self.work += 1;
+        if self.work % (1 << 20) == 0 {
+            self.check_time()?;
+        }
         if self.work > self.options.work_limit {
             let span = self.here();
             return Err(self.error(span, format!("more than {} tokens have been read; is there an endless loop?", self.options.work_limit)));
+        }
+        Ok(())
+    }
+
+    /// Stops when reading has taken too long.
+    pub(super) fn check_time(&mut self) -> Parse<()> {
+        if self.begun.elapsed() > self.options.time_limit {
+            let span = self.here();
+            return Err(self.error(span, format!("reading the scene has taken more than {} seconds", self.options.time_limit.as_secs())));
         }
         Ok(())
     }

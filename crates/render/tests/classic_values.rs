@@ -1,0 +1,237 @@
+//! The classic model against pictures of POV-Ray 3.7.0.10.
+//!
+//! Expected numbers were read from pictures of one pixel, written with 16 bits and `File_Gamma=1.0`, of the same scenes: an orthographic
+//! camera that looks along +z at a surface, black background, `assumed_gamma 1`.
+
+use std::sync::Arc;
+
+use etendue_procedural::{Color, Finish, Layer, Pigment, Texture};
+use etendue_render::film::Film;
+use etendue_render::session::job::{self, Plan};
+use etendue_render::session::{Cancel, Silent, Stop};
+use etendue_scene::desc::classic::{Camera, CameraKind, ClassicScene, Fog, GlobalSettings, Light, LightKind, Object, Solid};
+use etendue_scene::{RenderSettings, SceneDesc, Span};
+use glam::DVec3;
+
+fn texture(pigment: Color, finish: Finish) -> Option<Arc<Texture>> {
+    Some(Arc::new(Texture::Layers(vec![Layer { pigment: Pigment::Solid(pigment), normal: None, finish: Arc::new(finish) }])))
+}
+
+fn object(solid: Solid, pigment: Color, finish: Finish) -> Arc<Object> {
+    let mut o = Object::new(Span::default(), solid);
+    o.texture = texture(pigment, finish);
+    Arc::new(o)
+}
+
+/// A slab from z = 0 to z = 1.
+fn slab(pigment: Color, finish: Finish) -> Arc<Object> {
+    object(Solid::Box { corners: [DVec3::new(-9.0, -9.0, 0.0), DVec3::new(9.0, 9.0, 1.0)] }, pigment, finish)
+}
+
+fn scene(objects: Vec<Arc<Object>>, lights: Vec<Light>) -> ClassicScene {
+    let camera = Camera {
+        kind: CameraKind::Orthographic,
+        location: DVec3::new(0.0, 0.0, -5.0),
+        right: DVec3::X * 0.001,
+        up: DVec3::Y * 0.001,
+        ..Camera::default()
+    };
+    ClassicScene { objects, lights, camera, ..ClassicScene::default() }
+}
+
+fn film(scene: ClassicScene, size: [u32; 2], spp: u32, threads: usize) -> Film {
+    let mut desc = SceneDesc::new("pov", "test.pov");
+    desc.classic = Some(Box::new(scene));
+    desc.integrator.name = "whitted".to_owned();
+    let settings = RenderSettings { width: Some(size[0]), height: Some(size[1]), spp: Some(spp), ..RenderSettings::default() };
+    let plan = Plan::new(&desc, &settings, None).unwrap();
+    let mut session = job::prepare(&desc, &settings, &plan, &[]).unwrap();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build().unwrap();
+    pool.install(|| session.render(&Stop { spp: Some(spp), ..Stop::default() }, &Cancel::default(), &Silent)).unwrap();
+    session.into_film()
+}
+
+/// The one pixel.
+fn pixel(scene: ClassicScene) -> [f32; 3] {
+    film(scene, [1, 1], 1, 1).develop().rgb().unwrap()[0]
+}
+
+#[track_caller]
+fn near(a: [f32; 3], b: [f64; 3]) {
+    for (a, b) in a.iter().zip(b) {
+        assert!((f64::from(*a) - b).abs() < 2e-4, "{a:?} is not {b:?}");
+    }
+}
+
+fn sun(degrees: f64) -> Light {
+    let a = degrees.to_radians();
+    Light::new(DVec3::new(a.sin(), 0.0, -a.cos()) * 1e5, DVec3::ONE)
+}
+
+const ORANGE: Color = Color::rgb(0.9, 0.5, 0.2);
+
+fn dark() -> Finish {
+    Finish { ambient: DVec3::ZERO, diffuse: 0.0, ..Finish::default() }
+}
+
+#[test]
+fn lambert_and_ambient() {
+    let lit = Finish { diffuse: 0.6, ..dark() };
+    near(pixel(scene(vec![slab(ORANGE, lit)], vec![sun(60.0)])), [0.27, 0.15, 0.06]);
+    let glowing = Finish { ambient: DVec3::splat(0.5), emission: DVec3::splat(0.1), ..dark() };
+    let mut tinted = scene(vec![slab(ORANGE, glowing)], vec![]);
+    tinted.settings.ambient_light = DVec3::new(1.0, 0.5, 0.2);
+    near(pixel(tinted), [0.54, 0.175, 0.04]);
+}
+
+#[test]
+fn transparency_of_both_kinds() {
+    let ambient = Finish { ambient: DVec3::ONE, ..dark() };
+    let see = |filter, transmit| pixel(scene(vec![slab(Color { filter, transmit, ..ORANGE }, ambient.clone())], vec![]));
+    near(see(0.3, 0.0), [0.80011, 0.4025, 0.14839]);
+    near(see(0.0, 0.3), [0.819, 0.455, 0.182]);
+    near(see(0.3, 0.4), [0.4509, 0.2325, 0.0876]);
+    near(see(1.0, 0.0), [0.0; 3]);
+}
+
+#[test]
+fn layers_show_through_each_other() {
+    let layer = |color, finish| Layer { pigment: Pigment::Solid(color), normal: None, finish: Arc::new(finish) };
+    let stack = |top: Color| {
+        let bottom = Finish { ambient: DVec3::ONE, phong: 0.25, phong_size: 1.0, ..dark() };
+        let above = Finish { ambient: DVec3::splat(0.5), phong: 0.125, phong_size: 1.0, ..dark() };
+        let mut o = Arc::unwrap_or_clone(slab(ORANGE, dark()));
+        o.texture = Some(Arc::new(Texture::Layers(vec![layer(ORANGE, bottom), layer(top, above)])));
+        Arc::new(o)
+    };
+    let blue = Color::rgb(0.2, 0.4, 0.6);
+    let clear = stack(Color { transmit: 0.5, ..blue });
+    near(pixel(scene(vec![clear.clone()], vec![])), [0.5, 0.35, 0.25]);
+    near(pixel(scene(vec![clear], vec![sun(0.0)])), [0.75, 0.6, 0.5]);
+    let filter = stack(Color { filter: 0.5, ..blue });
+    near(pixel(scene(vec![filter.clone()], vec![])), [0.14, 0.2, 0.21]);
+    near(pixel(scene(vec![filter], vec![sun(0.0)])), [0.29, 0.375, 0.41]);
+}
+
+#[test]
+fn fogs() {
+    let glowing = Finish { ambient: DVec3::ONE, ..dark() };
+    let foggy = |fog: Fog| {
+        let mut s = scene(vec![slab(ORANGE, glowing.clone())], vec![]);
+        s.fogs = vec![Fog { distance: 5.0, ..fog }];
+        pixel(s)
+    };
+    let blue = Color::rgb(0.2, 0.4, 0.6);
+    near(foggy(Fog { color: blue, ..Fog::default() }), [0.45751, 0.43679, 0.45284]);
+    near(foggy(Fog { color: Color { filter: 0.3, ..blue }, ..Fog::default() }), [0.37806, 0.40368, 0.44402]);
+    near(foggy(Fog { color: Color { filter: 0.2, transmit: 0.3, ..blue }, ..Fog::default() }), [0.40455, 0.41471, 0.44697]);
+    let ground = |up, offset| {
+        let mut s = scene(vec![slab(Color::rgb(0.0, 0.0, 0.0), dark())], vec![]);
+        s.fogs = vec![Fog { kind: 2, distance: 5.0, color: Color::rgb(1.0, 1.0, 1.0), offset, altitude: 1.0, up, ..Fog::default() }];
+        pixel(s)
+    };
+    near(ground(DVec3::Y, -1.0), [0.39347; 3]);
+    near(ground(DVec3::new(0.0, 1.0, 1.0), -1.0), [0.60909; 3]);
+    near(ground(DVec3::Z, -3.0), [0.47785; 3]);
+}
+
+#[test]
+fn rays_that_carry_little_are_not_followed() {
+    let seen = |amount: f64| {
+        let mut s = scene(
+            vec![slab(Color::rgb(0.0, 0.0, 0.0), {
+                let mut f = dark();
+                f.reflection.min = DVec3::splat(amount);
+                f.reflection.max = f.reflection.min;
+                f
+            })],
+            vec![],
+        );
+        s.background = Some(Color::rgb(10.0, 10.0, 10.0));
+        pixel(s)
+    };
+    near(seen(0.0045), [0.045; 3]);
+    near(seen(0.0039), [0.0; 3]);
+}
+
+#[test]
+fn things_nearer_than_a_thousandth_cast_no_shadow() {
+    let lit = Finish { diffuse: 1.0, ..dark() };
+    let seen = |height: f64| {
+        let disc = Solid::Disc { center: DVec3::new(height, 0.0, -height), normal: DVec3::Z, radius: 0.4, hole_radius: 0.0 };
+        let mut blocker = Arc::unwrap_or_clone(object(disc, ORANGE, dark()));
+        blocker.no_image = true;
+        pixel(scene(vec![slab(Color::rgb(1.0, 1.0, 1.0), lit.clone()), Arc::new(blocker)], vec![sun(45.0)]))
+    };
+    near(seen(9e-4), [0.0; 3]);
+    near(seen(5e-4), [0.7071; 3]);
+}
+
+/// A scene with a bit of everything.
+fn mixed() -> ClassicScene {
+    let mirror = {
+        let mut f = Finish { phong: 0.5, crand: 0.1, ..Finish::default() };
+        f.reflection.min = DVec3::splat(0.3);
+        f.reflection.max = DVec3::splat(0.8);
+        f
+    };
+    let ball = |x: f64, color, finish| object(Solid::Sphere { center: DVec3::new(x, 0.0, 0.0), radius: 0.9 }, color, finish);
+    let glass = {
+        let mut o = Arc::unwrap_or_clone(ball(-1.0, Color { filter: 0.5, transmit: 0.4, ..ORANGE }, mirror.clone()));
+        o.interior = Some(Arc::new(etendue_scene::desc::classic::Interior { ior: 1.5, ..Default::default() }));
+        Arc::new(o)
+    };
+    let mut soft = Light::new(DVec3::new(3.0, 5.0, -5.0), DVec3::ONE);
+    soft.area = Some(etendue_scene::desc::classic::AreaLight {
+        axis1: DVec3::X,
+        axis2: DVec3::Y,
+        size: [4, 4],
+        adaptive: Some(1),
+        jitter: true,
+        circular: true,
+        orient: true,
+        illumination: false,
+    });
+    let mut spot = Light::new(DVec3::new(0.0, 8.0, 0.0), DVec3::splat(0.5));
+    spot.kind = LightKind::Spot;
+    let floor = object(Solid::Plane { normal: DVec3::Y, distance: -1.0 }, Color::rgb(0.8, 0.8, 0.8), Finish::default());
+    let mut s = scene(vec![glass, ball(1.0, ORANGE, mirror), floor], vec![soft, spot]);
+    s.camera = Camera { location: DVec3::new(0.0, 1.0, -5.0), ..Camera::default() };
+    s.background = Some(Color::rgb(0.2, 0.3, 0.5));
+    s
+}
+
+#[test]
+fn threads_and_order_do_not_matter() {
+    let one = film(mixed(), [48, 36], 4, 1).develop();
+    let three = film(mixed(), [48, 36], 4, 3).develop();
+    assert_eq!(one, three);
+}
+
+#[test]
+fn hostile_numbers_end() {
+    for bad in [f64::NAN, f64::INFINITY, 1e300, -1e300, 0.0] {
+        let mut s = mixed();
+        s.settings = GlobalSettings { max_trace_level: 256, adc_bailout: bad, ..GlobalSettings::default() };
+        s.camera.right = DVec3::splat(bad);
+        s.fogs = vec![Fog { kind: 2, distance: bad, altitude: bad, offset: bad, ..Fog::default() }];
+        for light in &mut s.lights {
+            [light.radius, light.falloff, light.tightness, light.fade_distance, light.fade_power] = [bad; 5];
+        }
+        film(s, [4, 3], 1, 1);
+        let mut s = mixed();
+        for o in &mut s.objects {
+            let o = Arc::make_mut(o);
+            let finish = Finish { brilliance: bad, phong: bad, phong_size: bad, roughness: bad, metallic: bad, ..Finish::default() };
+            o.texture = texture(Color { rgb: DVec3::splat(bad), filter: bad, transmit: bad }, finish);
+            o.interior = Some(Arc::new(etendue_scene::desc::classic::Interior {
+                ior: bad,
+                fade_distance: bad,
+                fade_power: bad,
+                caustics: bad,
+                ..Default::default()
+            }));
+        }
+        film(s, [4, 3], 1, 1);
+    }
+}
