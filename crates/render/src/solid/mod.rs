@@ -9,20 +9,26 @@
 //! ```
 
 mod advanced;
+pub mod bicubic_patch;
 pub mod blob;
 mod bounds;
 mod bvh;
 mod compile;
 mod cone;
+mod container;
 mod cuboid;
 pub mod curve;
 mod disc;
 pub mod height_field;
+mod hypercomplex;
+pub mod julia;
+pub mod isosurface;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
 mod mesh;
 pub mod ovus;
+pub mod parametric;
 mod plane;
 pub mod poly;
 mod polygon;
@@ -32,6 +38,7 @@ mod quadric;
 pub mod roots;
 pub mod sor;
 mod sphere;
+pub mod sphere_sweep;
 pub mod superellipsoid;
 mod text;
 mod torus;
