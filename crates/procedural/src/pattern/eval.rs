@@ -27,7 +27,7 @@ impl Pattern {
             PatternKind::Dents => noise::dents(p, generator),
             PatternKind::Facets { .. } => 0.0,
             PatternKind::Fractal(fractal) => fractal.value(p),
-            PatternKind::Function(function) => function.eval(&p.to_array(), inner),
+            PatternKind::Function(function) => simple::fraction(function.eval(&p.to_array(), inner)),
             PatternKind::Gradient(direction) => simple::gradient(p, *direction),
             PatternKind::Granite => noise::granite(p, generator),
             PatternKind::Image(image) => image.value(inner).unwrap_or(0.0),

@@ -141,8 +141,7 @@ impl Parser {
         self.expect(")")?;
         self.accept_raw(";")?;
         // The handle goes at the end of the file; a comma after the last value hides the end from the directive that reads it (measured).
-        let is_over =
-            matches!(self.files.open.get(handle), Some(Some(OpenFile::Read(items, comma))) if items.is_empty() && (is_past || !comma));
+        let is_over = matches!(self.files.open.get(handle), Some(Some(OpenFile::Read(items, comma))) if items.is_empty() && (is_past || !comma));
         if is_over {
             self.files.open[handle] = None;
             self.symbols.undef(handle_name);
@@ -198,14 +197,7 @@ impl Parser {
 /// A float as `#write` has it: six significant digits, as C's `%g` (measured).
 fn written(x: f64) -> String {
     if !x.is_finite() {
-        return if x.is_nan() {
-            "nan"
-        } else if x > 0.0 {
-            "inf"
-        } else {
-            "-inf"
-        }
-        .to_owned();
+        return if x.is_nan() { "nan" } else if x > 0.0 { "inf" } else { "-inf" }.to_owned();
     }
     if x == 0.0 {
         return "0".to_owned();
