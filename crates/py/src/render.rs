@@ -86,7 +86,7 @@ pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args
     let (aovs, develop) = parse_aovs(py, &aovs)?;
     let plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
     let stop = stop(py, &settings, &plan, time, noise)?;
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
     let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
     let (worker, pool_desc) = (Arc::clone(&pool), Arc::clone(desc));
     let prepare = move || worker.install(|| job::prepare(&pool_desc, &settings, &plan, &aovs));

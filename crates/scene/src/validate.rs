@@ -136,6 +136,13 @@ impl Checker<'_> {
                     self.finite(span, &[*scale, *offset], "a factor");
                     self.finite(span, &clamp.unwrap_or_default(), "a range");
                 }
+                TextureDesc::Power { texture, exponent } => {
+                    self.texture(span, *texture);
+                    used.push(texture.0);
+                    if !(*exponent > 0.0 && exponent.is_finite()) {
+                        self.report.error(span, "an exponent must be positive");
+                    }
+                }
             }
             children.push(used);
         }
@@ -307,7 +314,7 @@ impl Checker<'_> {
                     }
                 }
                 LightDesc::Constant { radiance } => self.finite(span, radiance, "a light's radiance"),
-                LightDesc::Environment { image, scale, world_from_light } => {
+                LightDesc::Environment { image, scale, world_from_light, mapping: _ } => {
                     self.id(span, image.0, desc.images.len(), "image");
                     self.finite(span, scale, "a light's scale");
                     self.transform(span, *world_from_light);

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use etendue_scene::desc::MeshFormat;
-use etendue_scene::formats::{ReadOptions, mesh, mitsuba};
+use etendue_scene::formats::{ReadOptions, mesh, mitsuba, pbrt};
 use support::corpus;
 
 /// SplitMix64 (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195).
@@ -57,6 +57,9 @@ const WORDS: &[&[u8]] = &[
     b"<!--",
     b"<include filename=\"x.xml\"/>",
     b"0:0,0:0",
+    b"AttributeBegin\n",
+    b"Include \"a\"\n",
+    b"[",
 ];
 
 fn mutate(random: &mut Random, seeds: &[(String, Vec<u8>)]) -> Vec<u8> {
@@ -117,6 +120,13 @@ fn fuzz(kind: &str, seed: u64, rounds: usize, run: impl Fn(&[u8])) {
 fn mitsuba() {
     fuzz("mitsuba", 1, 4000, |bytes| {
         let _ = mitsuba::read_bytes(Path::new("fuzz.xml"), bytes, &ReadOptions::default());
+    });
+}
+
+#[test]
+fn pbrt_scenes() {
+    fuzz("pbrt", 3, 4000, |bytes| {
+        let _ = pbrt::read_bytes(Path::new("fuzz.pbrt"), bytes, &ReadOptions::default());
     });
 }
 

@@ -125,7 +125,15 @@ fn what_mitsuba_cannot_say_is_listed_as_lost() {
     let mut plane = ShapeDesc::new(GeometryDesc::Plane, Mat4::IDENTITY);
     plane.bsdf = Some(coat);
     desc.add(Node::new(span, plane));
-    desc.add(Node::new(span, LightDesc::Environment { image, scale: [1.0, 2.0, 3.0], world_from_light: Mat4::IDENTITY }));
+    desc.add(Node::new(
+        span,
+        LightDesc::Environment {
+            image,
+            scale: [1.0, 2.0, 3.0],
+            world_from_light: Mat4::IDENTITY,
+            mapping: EnvironmentMapping::Equirectangular,
+        },
+    ));
     let path = folder.path().join("out.xml");
     let report = mitsuba::write(&desc, &path).unwrap();
     let lost: Vec<&str> = report.losses.iter().map(|l| l.feature.as_str()).collect();

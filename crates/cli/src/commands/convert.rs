@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use etendue_scene::Loss;
-use etendue_scene::formats::{gltf, mitsuba};
+use etendue_scene::formats::{gltf, mitsuba, pbrt};
 
 use super::{note, report_losses};
 use crate::exit::{self, coded};
@@ -26,15 +26,16 @@ pub struct Args {
 /// Converts; what the other format cannot say goes to standard error.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let extension = args.output.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    if !matches!(extension.as_str(), "xml" | "gltf" | "glb") {
-        return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .gltf or .glb", args.output.display())));
+    if !matches!(extension.as_str(), "xml" | "pbrt" | "gltf" | "glb") {
+        return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
-    let desc = args.scene.read()?;
+    let desc = args.scene.read([None, None])?;
     if !args.quiet {
         report_losses(&desc);
     }
     let written = match extension.as_str() {
         "xml" => mitsuba::write(&desc, &args.output).map(|report| report.losses),
+        "pbrt" => pbrt::write(&desc, &args.output).map(|report| report.losses),
         _ => gltf::write(&desc, &args.output),
     };
     let losses: Vec<Loss> = written.with_context(|| args.output.display().to_string())?;

@@ -17,6 +17,7 @@ pub mod coated;
 pub mod conductor;
 pub mod dielectric;
 pub mod diffuse;
+pub mod diffuse_transmission;
 pub mod fresnel;
 pub mod microfacet;
 pub mod null;
@@ -34,6 +35,7 @@ pub use coated::{Coat, Coated, CoatedBase};
 pub use conductor::Conductor;
 pub use dielectric::Dielectric;
 pub use diffuse::Diffuse;
+pub use diffuse_transmission::DiffuseTransmission;
 pub use null::Null;
 pub use pbr::{DiffuseTilt, Pbr};
 pub use plastic::Plastic;
@@ -148,6 +150,8 @@ macro_rules! bsdfs {
 bsdfs! {
     /// Lambert's ideally diffuse reflection.
     Diffuse,
+    /// Lambertian reflection and transmission.
+    DiffuseTransmission,
     /// Diffuse reflection of a rough surface.
     RoughDiffuse,
     /// Smooth metal, mirrors.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etendue_procedural::{Context, Texture};
+use etendue_procedural::{Context, Texture, fns};
 use etendue_scene::desc::classic::Interior;
 use glam::{DVec2, DVec3};
 
@@ -181,8 +181,7 @@ impl ClassicWorld {
     }
 }
 
-/// Brightening of shadows by simulated caustics.
+/// Brightening of shadows by simulated caustics: 1 + cos^(45 · power), measured to four digits.
 fn focus(power: f64, cos: f64) -> f64 {
-    // Where light falls straight on the surface more of it passes, elsewhere less.
-    (1.0 + power * (cos.abs() - 0.5) * 2.0).max(0.0)
+    1.0 + fns::pow(cos.abs(), 45.0 * power.abs())
 }

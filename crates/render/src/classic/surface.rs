@@ -52,7 +52,7 @@ impl<'a> Tracer<'a, '_> {
                 stacks.push(Stacked { weight: weight * share, layers, p: at.p, normal: at.normal, uv: at.uv });
             });
         });
-        if ray.level == 0 && self.first.is_none() {
+        if ray.depth == 0 && self.first.is_none() {
             self.first = Some(First { p: hit.p, n, uv: hit.uv, depth: hit.t, albedo: DVec3::ZERO, leaf: hit.leaf });
         }
         let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None };
@@ -110,7 +110,7 @@ impl<'a> Tracer<'a, '_> {
                 break;
             }
         }
-        if let Some(first) = self.first.as_mut().filter(|_| ray.level == 0) {
+        if let Some(first) = self.first.as_mut().filter(|_| ray.depth == 0) {
             first.albedo += albedo * stack.weight;
         }
         let mut alpha = 1.0;
@@ -233,6 +233,7 @@ impl<'a> Tracer<'a, '_> {
             line,
             kind: RayKind::Reflection,
             level: place.ray.level + 1,
+            depth: place.ray.depth + 1,
             weight,
             inside: place.ray.inside.clone(),
             split: place.ray.split,
@@ -249,7 +250,12 @@ impl<'a> Tracer<'a, '_> {
             return Traced { color: self.mirrored(place, n, weight), alpha: 1.0 };
         };
         let line = Line { o: place.hit.p, d: through.normalize_or(d) };
-        let on = Ray { line, kind: ray.kind, level: ray.level + 1, weight, inside: next, split: ray.split };
+        // Rays that go straight on do not count as a level of their own, but take one to be there (measured).
+        if ray.level + 1 >= self.max_level {
+            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+        }
+        let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, split: ray.split };
         self.trace(&on)
     }
 }

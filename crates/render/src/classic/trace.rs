@@ -12,12 +12,17 @@ pub(super) const NEAR: f64 = 1e-4;
 /// Rays of one sample. Only made-up scenes need more.
 const RAY_LIMIT: u32 = 200_000;
 
+/// Rays that lead to each other: what stands in for the stack of the thread.
+const DEPTH_LIMIT: u32 = 400;
+
 /// A ray to be followed.
 pub(super) struct Ray {
     pub(super) line: Line,
     pub(super) kind: RayKind,
     /// How many surfaces made it: 0 from the camera.
     pub(super) level: u32,
+    /// How many rays led to it, those that went straight on included.
+    pub(super) depth: u32,
     /// Largest share of its light that arrives at the camera.
     pub(super) weight: f64,
     /// What it is inside of.
@@ -63,7 +68,7 @@ impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
         let mut inside = Stack::new();
         self.world.world.containing(line.o, &mut |object| inside.push(Within::new(object)));
-        let ray = Ray { line, kind: RayKind::Camera, level: 0, weight: 1.0, inside, split: false };
+        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, split: false };
         self.follow(&ray, max_distance)
     }
 
@@ -74,7 +79,7 @@ impl<'a, 's> Tracer<'a, 's> {
 
     fn follow(&mut self, ray: &Ray, max_distance: f64) -> Traced {
         self.rays += 1;
-        if ray.level >= self.max_level || self.rays > RAY_LIMIT {
+        if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > RAY_LIMIT {
             return Traced { color: DVec3::ZERO, alpha: 1.0 };
         }
         let world = self.world;

@@ -22,6 +22,7 @@ mod bvh;
 pub mod constant;
 pub mod directional;
 pub mod environment;
+pub mod equal_area;
 pub mod point;
 pub mod sampler;
 pub mod spot;

@@ -83,7 +83,7 @@ impl Material {
         let anisotropic = |r: &Option<Roughness>| r.as_ref().is_some_and(|r| r.alpha_u != r.alpha_v);
         let or = |f: (bool, bool), null: bool, tangents: bool| (f.0 || null, f.1 || tangents);
         match &self.desc {
-            BsdfDesc::Diffuse { .. } | BsdfDesc::Plastic { .. } => (false, false),
+            BsdfDesc::Diffuse { .. } | BsdfDesc::DiffuseTransmission { .. } | BsdfDesc::Plastic { .. } => (false, false),
             BsdfDesc::Conductor { roughness, .. } | BsdfDesc::Dielectric { roughness, .. } => (false, anisotropic(roughness)),
             BsdfDesc::ThinDielectric { .. } | BsdfDesc::Null => (true, false),
             BsdfDesc::Coated { base, roughness, .. } => or(nested(&[*base]), false, anisotropic(roughness)),

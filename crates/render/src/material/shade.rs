@@ -6,8 +6,8 @@ use super::scatter::{Part, Scatter};
 use super::{Material, distribution, frames};
 use crate::bsdf::microfacet::Microfacet;
 use crate::bsdf::{
-    Bsdf, Coat, Coated, CoatedBase, Conductor, Dielectric, Diffuse, Null, Plastic, Principled, RoughConductor, RoughDielectric,
-    RoughDiffuse, RoughPlastic, ThinDielectric,
+    Bsdf, Coat, Coated, CoatedBase, Conductor, Dielectric, Diffuse, DiffuseTransmission, Null, Plastic, Principled, RoughConductor,
+    RoughDielectric, RoughDiffuse, RoughPlastic, ThinDielectric,
 };
 use crate::math::{Frame, Vec3};
 use crate::scene::{Scene, Surface};
@@ -91,6 +91,9 @@ impl Material {
         let color = |c: &Color| scene.color(c, s);
         Some(match &self.desc {
             BsdfDesc::Diffuse { reflectance, alpha: None } => Bsdf::Diffuse(Diffuse { reflectance: color(reflectance) }),
+            BsdfDesc::DiffuseTransmission { reflectance, transmittance } => {
+                Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance: color(reflectance), transmittance: color(transmittance) })
+            }
             BsdfDesc::Diffuse { reflectance, alpha: Some(alpha) } => {
                 Bsdf::RoughDiffuse(RoughDiffuse::from_alpha(color(reflectance), scene.scalar(alpha, s)))
             }

@@ -78,6 +78,7 @@ fn texture(desc: &TextureDesc, pictures: &HashMap<(ImageId, u8), Picture>, names
         TextureDesc::Attribute { name, scale } => Texture::Attribute { name: names.intern(name), scale: *scale },
         TextureDesc::Multiply { a, b } => Texture::Multiply(*a, *b),
         TextureDesc::Mix { a, b, weight } => Texture::Mix(*a, *b, *weight),
+        TextureDesc::Power { texture, exponent } => Texture::Power { texture: *texture, exponent: *exponent },
         TextureDesc::Affine { texture, scale, offset, clamp } => {
             Texture::Affine { texture: *texture, scale: *scale, offset: *offset, clamp: *clamp }
         }

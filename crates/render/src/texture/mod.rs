@@ -55,6 +55,13 @@ pub enum Texture {
         /// Range of the result.
         clamp: Option<[f32; 2]>,
     },
+    /// Each value, taken as not negative, to a power.
+    Power {
+        /// The base.
+        texture: TextureId,
+        /// The exponent.
+        exponent: f32,
+    },
 }
 
 impl Texture {
@@ -72,6 +79,9 @@ impl Texture {
             }
             Self::Multiply(a, b) => scene.color(a, s) * scene.color(b, s),
             Self::Mix(a, b, weight) => scene.color(a, s).lerp(scene.color(b, s), scene.scalar(weight, s)),
+            Self::Power { texture, exponent } => {
+                scene.texture(*texture).color(scene, s).map(|v| crate::math::fns::pow(v.max(0.0), *exponent))
+            }
             Self::Affine { texture, scale, offset, clamp } => {
                 let v = scene.texture(*texture).color(scene, s) * *scale + Spectrum::splat(*offset);
                 clamp.map_or(v, |[lo, hi]| v.clamp(lo, hi))
@@ -87,6 +97,7 @@ impl Texture {
                 let v = scene.texture(*texture).scalar(scene, s) * scale + offset;
                 clamp.map_or(v, |[lo, hi]| v.clamp(lo, hi))
             }
+            Self::Power { texture, exponent } => crate::math::fns::pow(scene.texture(*texture).scalar(scene, s).max(0.0), *exponent),
             Self::Attribute { name, scale } => {
                 // Attributes of one number are copied to all lanes, so that the luminance is the number.
                 s.attribute(scene, *name).map_or(0.0, |[r, g, b, _]| Spectrum::from_rgb([r, g, b]).luminance()) * scale

@@ -35,6 +35,13 @@ pub enum BsdfDesc {
         /// Oren–Nayar roughness α; `None` is Lambert.
         alpha: Option<Scalar>,
     },
+    /// Lambert on both sides: reflected on the side of the light, transmitted to the other. Their sum is at most 1.
+    DiffuseTransmission {
+        /// Share of reflected light.
+        reflectance: Color,
+        /// Share of transmitted light.
+        transmittance: Color,
+    },
     /// Metal: smooth, or rough where `roughness` is given.
     Conductor {
         /// Real part of the refractive index relative to the outside. `None`: an ideal mirror (Fresnel factor 1).
@@ -305,6 +312,7 @@ impl BsdfDesc {
         match self {
             Self::Diffuse { alpha: None, .. } => "diffuse",
             Self::Diffuse { .. } => "roughdiffuse",
+            Self::DiffuseTransmission { .. } => "diffusetransmission",
             Self::Conductor { roughness: None, .. } => "conductor",
             Self::Conductor { .. } => "roughconductor",
             Self::Dielectric { roughness: None, .. } => "dielectric",
@@ -334,6 +342,7 @@ impl BsdfDesc {
                 parts.colors.push(*reflectance);
                 parts.scalars.extend(*alpha);
             }
+            Self::DiffuseTransmission { reflectance, transmittance } => parts.colors.extend([*reflectance, *transmittance]),
             Self::Conductor { eta, k, specular_reflectance, roughness: r } => {
                 roughness(r);
                 parts.colors.extend(eta.iter().copied().chain([*k, *specular_reflectance]));

@@ -17,6 +17,18 @@ pub enum SpotFalloff {
     Smoothstep,
 }
 
+/// How the directions of an environment lie in its picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EnvironmentMapping {
+    /// Latitude and longitude: +y is up (first row), the middle column lies towards −z of its own space, +x is a quarter to the right
+    /// of it.
+    #[default]
+    Equirectangular,
+    /// A square with the same solid angle for each pixel, +z in the middle (Clarberg 2008, doi:10.1080/2151237X.2008.10129263), as
+    /// pbrt-v4 has it.
+    EqualAreaSquare,
+}
+
 /// A light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LightDesc {
@@ -54,15 +66,16 @@ pub enum LightDesc {
         /// Radiance.
         radiance: [f32; 3],
     },
-    /// A picture all round, in latitude and longitude: +y is up (first row), the middle column lies towards −z of its own space,
-    /// +x is a quarter to the right of it.
+    /// A picture all round.
     Environment {
-        /// Equirectangular picture of linear radiance.
+        /// Picture of linear radiance.
         image: ImageId,
         /// Factor on the picture.
         scale: [f32; 3],
         /// Turns the picture's space into the world's.
         world_from_light: Mat4,
+        /// How directions lie in the picture.
+        mapping: EnvironmentMapping,
     },
     /// Sky and sun by a physical model.
     SunSky(Box<SunSkyDesc>),

@@ -179,4 +179,11 @@ pub enum TextureDesc {
         /// Range of the result.
         clamp: Option<[f32; 2]>,
     },
+    /// Each value, taken as not negative, to a power.
+    Power {
+        /// The base.
+        texture: TextureId,
+        /// The exponent, positive.
+        exponent: f32,
+    },
 }

@@ -1,12 +1,18 @@
 //! Readers and writers of scene formats, one folder each. [`read`] picks the reader by the file's name and content.
 
+mod cie;
+mod exr;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+pub mod pbrt;
 mod picture_size;
 pub mod pov;
 mod resolver;
+mod sidecar;
+mod spectrum;
 mod summary;
+mod tessellate;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};
@@ -32,7 +38,7 @@ pub struct ReadOptions {
     pub pov: pov::PovOptions,
 }
 
-/// Reads a scene of any format: `.xml` (Mitsuba), `.pov` (POV-Ray), `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
+/// Reads a scene of any format: `.xml` (Mitsuba), `.pov` (POV-Ray), `.pbrt`, `.gltf`, `.glb`, `.obj`, `.ply`, `.stl`; gives it an automatic camera and light where
 /// the file has none; loads its meshes and checks it.
 ///
 /// # Errors
@@ -41,11 +47,12 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<SceneDesc, ReadError> 
     let extension = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     let desc = match extension.as_str() {
         "xml" => mitsuba::read(path, options)?,
+        "pbrt" => pbrt::read(path, options)?,
         "pov" | "inc" => pov::read(path, options)?,
         "gltf" | "glb" => gltf::read(path, options)?,
         "obj" | "ply" | "stl" | "serialized" => mesh::read(path, options)?,
         _ => {
-            let reason = "not a scene format that etendue reads (xml, pov, gltf, glb, obj, ply, stl)".to_owned();
+            let reason = "not a scene format that etendue reads (xml, pov, pbrt, gltf, glb, obj, ply, stl)".to_owned();
             return Err(ReadError::Unsupported { path: path.to_owned(), reason });
         }
     };

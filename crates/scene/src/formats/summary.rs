@@ -123,6 +123,7 @@ impl Summary {
             TextureDesc::Multiply { .. } => "multiply",
             TextureDesc::Mix { .. } => "mix",
             TextureDesc::Affine { .. } => "affine",
+            TextureDesc::Power { .. } => "power",
         }));
         let cameras = desc.cameras.iter().enumerate().map(|(i, c)| {
             let kind = match c.value.projection {

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use etendue_scene::desc::{Encoding, LightDesc, Param, SceneDesc};
+use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, SceneDesc};
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
     AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight,
-    SceneSphere, SpotLight,
+    SceneSphere, SpotLight, equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -131,11 +131,17 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
             vec![Light::Directional(DirectionalLight::new(*direction, *irradiance).ok_or_else(nothing)?)]
         }
         LightDesc::Constant { radiance } => vec![Light::Constant(ConstantLight { radiance: Spectrum::from_rgb(*radiance) })],
-        LightDesc::Environment { image, scale, world_from_light } => {
+        LightDesc::Environment { image, scale, world_from_light, mapping } => {
             let texels = texture::decode(desc, *image, Encoding::Auto)?;
             let pixels = (0..texels.height).flat_map(|y| (0..texels.width).map(move |x| (x, y)));
-            let rgb = pixels.map(|(x, y)| texels.get(x, y)).map(|[r, g, b, _]| [r, g, b]).collect();
-            let size = (texels.width as usize, texels.height as usize);
+            let mut rgb: Vec<[f32; 3]> = pixels.map(|(x, y)| texels.get(x, y)).map(|[r, g, b, _]| [r, g, b]).collect();
+            let mut size = (texels.width as usize, texels.height as usize);
+            if *mapping == EnvironmentMapping::EqualAreaSquare {
+                if size.0 != size.1 {
+                    return Err(format!("an environment map of equal areas must be square, not {}×{}", size.0, size.1));
+                }
+                (size, rgb) = equal_area::to_equirectangular(size.0, &rgb);
+            }
             let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false).ok_or_else(nothing)?;
             vec![Light::Environment(Box::new(light))]
         }

@@ -14,6 +14,7 @@ use glam::{Mat4, Vec2};
 use super::ReadOptions;
 use crate::desc::{AddNode, GeometryDesc, MeshData, MeshDesc, MeshFormat, Node, SceneDesc, ShapeDesc};
 use crate::formats::Resolver;
+use crate::formats::resolver::FILE_SIZE_LIMIT;
 use crate::report::ReadError;
 use crate::span::{FileId, Span};
 
@@ -59,8 +60,26 @@ pub struct ParsedMesh {
 /// # Errors
 /// [`MeshFault`] with a line where the format has lines.
 pub fn load(path: &Path, format: MeshFormat, index: u32) -> Result<ParsedMesh, MeshFault> {
-    let bytes = Resolver::read(path).map_err(|e| MeshFault::binary(e.to_string()))?;
+    let bytes = inflated(Resolver::read(path).map_err(|e| MeshFault::binary(e.to_string()))?)?;
     parse(&bytes, format, index)
+}
+
+/// The contents of a file that may be compressed by gzip, as pbrt's scenes have `.ply.gz`.
+///
+/// # Errors
+/// [`MeshFault`] where the compressed data are broken or hold more than [`FILE_SIZE_LIMIT`] bytes.
+pub(crate) fn inflated(bytes: Vec<u8>) -> Result<Vec<u8>, MeshFault> {
+    use std::io::Read;
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut out = Vec::new();
+    let read = flate2::read::MultiGzDecoder::new(bytes.as_slice()).take(FILE_SIZE_LIMIT + 1).read_to_end(&mut out);
+    match read {
+        Ok(n) if n as u64 <= FILE_SIZE_LIMIT => Ok(out),
+        Ok(_) => Err(MeshFault::binary("more than 4 GiB after decompression")),
+        Err(e) => Err(MeshFault::binary(format!("broken gzip data: {e}"))),
+    }
 }
 
 /// Reads one mesh from the bytes of a file.

@@ -9,8 +9,6 @@
 //! its pictures begin at v = 0, ours at v = 1; its `max_depth` counts the light's edge, ours does not.
 
 mod build;
-mod cie;
-mod spectrum;
 pub mod tree;
 mod upgrade;
 mod write;

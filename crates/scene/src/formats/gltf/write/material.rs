@@ -106,6 +106,10 @@ impl Writer<'_> {
                 }
                 flat(PbrDesc { base_color: *reflectance, ..matt })
             }
+            BsdfDesc::DiffuseTransmission { reflectance, .. } => {
+                self.approximate(span, "diffuse transmission");
+                flat(PbrDesc { base_color: *reflectance, ..matt })
+            }
             BsdfDesc::Conductor { eta, k, specular_reflectance, roughness } => {
                 self.approximate(span, "conductor");
                 let f0 = match (eta, k) {

@@ -4,8 +4,8 @@ use glam::Vec3;
 use serde_json::{Map, Value, json};
 
 use super::Writer;
-use super::tessellate::tessellate;
 use crate::desc::{GeometryDesc, MeshData, MeshId, ShapeDesc, ShapeId};
+use crate::formats::tessellate::tessellate;
 
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;

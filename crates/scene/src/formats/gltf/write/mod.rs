@@ -4,7 +4,6 @@ mod light;
 mod material;
 mod mesh;
 mod png;
-mod tessellate;
 mod texture;
 
 use std::collections::{BTreeSet, HashMap};

@@ -3,8 +3,8 @@
 use super::Builder;
 use super::props::Props;
 use crate::desc::{AddNode, BsdfDesc, BsdfId, Color, MicrofacetKind, Node, Param, PrincipledDesc, Roughness, Scalar};
-use crate::formats::mitsuba::spectrum::Quantity;
 use crate::formats::mitsuba::tree::{Kind, Plugin, Value, suggestion};
+use crate::formats::spectrum::Quantity;
 use crate::ior;
 
 impl<'t> Builder<'t> {

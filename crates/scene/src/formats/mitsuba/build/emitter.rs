@@ -4,9 +4,9 @@ use glam::{Mat4, Vec3};
 
 use super::Builder;
 use super::props::Props;
-use crate::desc::{AddNode, LightDesc, Node, SpotFalloff, SunSkyDesc};
-use crate::formats::mitsuba::spectrum::Quantity;
+use crate::desc::{AddNode, EnvironmentMapping, LightDesc, Node, SpotFalloff, SunSkyDesc};
 use crate::formats::mitsuba::tree::Plugin;
+use crate::formats::spectrum::Quantity;
 
 /// Half a turn about +y: Mitsuba's lights look along +z, ours along −z.
 pub(super) const HALF_TURN: Mat4 = Mat4::from_cols_array(&[-1., 0., 0., 0., 0., 1., 0., 0., 0., 0., -1., 0., 0., 0., 0., 1.]);
@@ -62,7 +62,12 @@ impl<'t> Builder<'t> {
                 let world_from_light = p.transform("to_world") * HALF_TURN;
                 p.ignore(&["mis_compensation", "cache"]);
                 p.lose(&["gamma"]);
-                self.image(&mut p).map(|image| LightDesc::Environment { image, scale: [scale; 3], world_from_light })
+                self.image(&mut p).map(|image| LightDesc::Environment {
+                    image,
+                    scale: [scale; 3],
+                    world_from_light,
+                    mapping: EnvironmentMapping::Equirectangular,
+                })
             }
             "sunsky" | "sky" | "sun" => self.sun_sky(&mut p),
             "area" => {

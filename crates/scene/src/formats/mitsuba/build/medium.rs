@@ -3,8 +3,8 @@
 use super::Builder;
 use super::props::Props;
 use crate::desc::{AddNode, MediumDesc, MediumId, Node, PhaseDesc};
-use crate::formats::mitsuba::spectrum::Quantity;
 use crate::formats::mitsuba::tree::{Kind, Plugin, Value};
+use crate::formats::spectrum::Quantity;
 
 impl<'t> Builder<'t> {
     /// A medium; `None`, with a fault or a loss, where it cannot be built.

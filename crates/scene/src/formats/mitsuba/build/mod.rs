@@ -112,7 +112,7 @@ impl<'t> Builder<'t> {
                     self.bsdf(plugin);
                 }
                 Kind::Texture => {
-                    self.texture(plugin, super::spectrum::Quantity::Reflectance);
+                    self.texture(plugin, crate::formats::spectrum::Quantity::Reflectance);
                 }
                 Kind::Emitter => self.emitter(plugin),
                 Kind::Medium => {

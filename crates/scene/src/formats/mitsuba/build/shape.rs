@@ -7,8 +7,8 @@ use super::props::{Props, describe};
 use crate::desc::{
     AddNode, Color, EmissionDesc, GeometryDesc, GroupDesc, GroupId, InstanceDesc, MediumId, MeshDesc, MeshFormat, Node, ShapeDesc, ShapeId,
 };
-use crate::formats::mitsuba::spectrum::Quantity;
 use crate::formats::mitsuba::tree::{Kind, Plugin};
+use crate::formats::spectrum::Quantity;
 
 impl<'t> Builder<'t> {
     /// Adds a shape to the world, or to a group's list.

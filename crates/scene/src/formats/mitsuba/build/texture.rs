@@ -8,8 +8,8 @@ use crate::desc::{
     AddNode, BitmapDesc, Channel, Color, Encoding, ImageDesc, ImageId, ImageSource, Node, Param, Scalar, TextureDesc, TextureFilter,
     TextureId, Wrap,
 };
-use crate::formats::mitsuba::spectrum::{Quantity, blackbody, rgb_from_list, rgb_from_uniform};
 use crate::formats::mitsuba::tree::{Kind, Plugin, Property, Value};
+use crate::formats::spectrum::{Quantity, blackbody, rgb_from_list, rgb_from_uniform};
 
 /// Turns v round: Mitsuba's pictures begin at v = 0, ours at v = 1.
 const FLIP_V: Mat3 = Mat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 1.0, 1.0]);

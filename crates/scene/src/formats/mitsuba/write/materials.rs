@@ -4,12 +4,11 @@ use std::io;
 
 use glam::{Mat3, Mat4, Vec4};
 
-use super::{Writer, exr, named};
+use super::Writer;
 use crate::desc::{
-    BsdfDesc, BsdfId, Channel, Encoding, ImageId, ImageSource, MediumDesc, MicrofacetKind, Param, PbrDesc, PhaseDesc, Roughness, Scalar,
-    TextureDesc, TextureFilter, Wrap,
+    BsdfDesc, BsdfId, Channel, Encoding, ImageId, MediumDesc, MicrofacetKind, Param, PbrDesc, PhaseDesc, Roughness, Scalar, TextureDesc,
+    TextureFilter, Wrap,
 };
-use crate::formats::Resolver;
 use crate::span::Span;
 
 /// Turns v round: our pictures begin at v = 1, Mitsuba's at v = 0.
@@ -18,44 +17,7 @@ const FLIP_V: Mat3 = Mat3::from_cols_array(&[1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0,
 impl Writer<'_> {
     /// The name of a picture's file; written on first use.
     pub(super) fn image(&mut self, id: ImageId) -> io::Result<String> {
-        if let Some(Some(name)) = self.images.get(id.0 as usize) {
-            return Ok(name.clone());
-        }
-        let i = id.0;
-        let name = match self.desc.images.get(i as usize).map(|n| &n.value.source) {
-            Some(ImageSource::File(path)) => {
-                let inside =
-                    self.folder.canonicalize().ok().and_then(|f| path.strip_prefix(f).ok().map(|p| p.to_string_lossy().replace('\\', "/")));
-                match inside {
-                    Some(name) => name,
-                    None => {
-                        let bytes = Resolver::read(path).map_err(|e| named(path, &io::Error::other(e.to_string())))?;
-                        let file = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-                        self.put_file(&format!("{i}_{file}"), &bytes)?
-                    }
-                }
-            }
-            Some(ImageSource::Embedded(bytes)) => {
-                let extension = match bytes.as_slice() {
-                    [0x89, b'P', b'N', b'G', ..] => "png",
-                    [0xff, 0xd8, ..] => "jpg",
-                    [b'#', b'?', ..] => "hdr",
-                    [0x76, 0x2f, 0x31, 0x01, ..] => "exr",
-                    [b'R', b'I', b'F', b'F', ..] => "webp",
-                    [b'B', b'M', ..] => "bmp",
-                    _ => "img",
-                };
-                let bytes = bytes.clone();
-                self.put_file(&format!("image_{i}.{extension}"), &bytes)?
-            }
-            Some(ImageSource::Pixels { width, height, channels, data }) => {
-                let bytes = exr::to_bytes(*width, *height, *channels, data);
-                self.put_file(&format!("image_{i}.exr"), &bytes)?
-            }
-            None => String::new(),
-        };
-        self.images[i as usize] = Some(name.clone());
-        Ok(name)
+        self.files.image(self.desc, id)
     }
 
     pub(super) fn texture(&mut self, i: usize) -> io::Result<()> {
@@ -112,6 +74,7 @@ impl Writer<'_> {
             TextureDesc::Multiply { a, b } => return self.stand_in(span, &id, &[*a, *b], "product of textures"),
             TextureDesc::Mix { a, b, .. } => return self.stand_in(span, &id, &[*a, *b], "mix of textures"),
             TextureDesc::Affine { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "scaled texture"),
+            TextureDesc::Power { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "power of a texture"),
         }
         self.xml.close();
         Ok(())
@@ -182,10 +145,16 @@ impl Writer<'_> {
                 self.lose(span, "rough diffuse bsdf", "diffuse");
                 self.xml.open("bsdf", "diffuse", &id);
             }
+            BsdfDesc::DiffuseTransmission { .. } => {
+                self.lose(span, "diffuse transmission", "diffuse reflection");
+                self.xml.open("bsdf", "diffuse", &id);
+            }
             value => self.xml.open("bsdf", value.type_name(), &id),
         }
         match &node.value {
-            BsdfDesc::Diffuse { reflectance, .. } => self.color("reflectance", *reflectance),
+            BsdfDesc::Diffuse { reflectance, .. } | BsdfDesc::DiffuseTransmission { reflectance, .. } => {
+                self.color("reflectance", *reflectance);
+            }
             BsdfDesc::Conductor { eta, k, specular_reflectance, roughness } => {
                 match eta {
                     Some(eta) => {

@@ -1,15 +1,15 @@
 //! Description → Mitsuba 3 XML, with PLY meshes and pictures beside it.
 
-mod exr;
 mod materials;
 mod world;
 mod xml;
 
 use std::collections::HashSet;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::desc::{Color, Param, Scalar, SceneDesc};
+use crate::formats::sidecar::{Sidecar, named};
 use crate::report::Report;
 use crate::span::Span;
 use xml::Xml;
@@ -20,18 +20,7 @@ use xml::Xml;
 /// # Errors
 /// An I/O error that names the file.
 pub fn write(desc: &SceneDesc, path: &Path) -> io::Result<Report> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
-    let stem = path.file_stem().map_or("scene".into(), |s| s.to_string_lossy().into_owned());
-    let mut writer = Writer {
-        desc,
-        xml: Xml::new(),
-        report: Report::default(),
-        files_name: format!("{stem}_files"),
-        folder,
-        ids: Ids::new(desc),
-        images: vec![None; desc.images.len()],
-        mesh_names: vec![None; desc.meshes.len()],
-    };
+    let mut writer = Writer { desc, xml: Xml::new(), report: Report::default(), files: Sidecar::new(desc, path), ids: Ids::new(desc) };
     writer.settings();
     for i in 0..desc.textures.len() {
         writer.texture(i)?;
@@ -47,10 +36,6 @@ pub fn write(desc: &SceneDesc, path: &Path) -> io::Result<Report> {
     let Writer { xml, report, .. } = writer;
     std::fs::write(path, xml.finish()).map_err(|e| named(path, &e))?;
     Ok(report)
-}
-
-fn named(path: &Path, e: &io::Error) -> io::Error {
-    io::Error::new(e.kind(), format!("{}: {e}", path.display()))
 }
 
 /// Ids of the nodes that others refer to: their names where these are unique.
@@ -87,11 +72,8 @@ struct Writer<'d> {
     desc: &'d SceneDesc,
     xml: Xml,
     report: Report,
-    folder: PathBuf,
-    files_name: String,
+    files: Sidecar,
     ids: Ids,
-    images: Vec<Option<String>>,
-    mesh_names: Vec<Option<String>>,
 }
 
 impl Writer<'_> {
@@ -117,14 +99,5 @@ impl Writer<'_> {
         if let Some(id) = self.ids.textures.get(id as usize).cloned() {
             self.xml.reference(name, &id);
         }
-    }
-
-    /// Writes a file into the folder beside the XML and returns its name as the XML says it.
-    fn put_file(&mut self, name: &str, bytes: &[u8]) -> io::Result<String> {
-        let folder = self.folder.join(&self.files_name);
-        std::fs::create_dir_all(&folder).map_err(|e| named(&folder, &e))?;
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(|e| named(&path, &e))?;
-        Ok(format!("{}/{name}", self.files_name))
     }
 }

@@ -5,8 +5,9 @@ use std::io;
 use glam::{Mat4, Vec3};
 
 use super::Writer;
-use crate::desc::{CameraDesc, FilterDesc, FovAxis, GeometryDesc, LightDesc, Node, ProjectionDesc, ShapeDesc, ShapeId, SpotFalloff};
-use crate::formats::mesh::ply_write;
+use crate::desc::{
+    CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, Node, ProjectionDesc, ShapeDesc, ShapeId, SpotFalloff,
+};
 use crate::span::{FileId, Span};
 
 /// Half a turn about +y: Mitsuba's cameras and lights look along +z, ours along −z.
@@ -216,17 +217,10 @@ impl Writer<'_> {
                 };
                 // Without vertex normals, Mitsuba computes them unless told otherwise.
                 let flat = *face_normals || (data.normals.is_empty() && !smooth);
-                let name = match self.mesh_names[i].clone() {
-                    Some(name) => name,
-                    None => {
-                        if !data.tangents.is_empty() {
-                            self.lose(self.desc.meshes[i].span, "tangents of a mesh", "computed anew");
-                        }
-                        let name = self.put_file(&format!("mesh_{i}.ply"), &ply_write::to_bytes(data))?;
-                        self.mesh_names[i] = Some(name.clone());
-                        name
-                    }
-                };
+                if !data.tangents.is_empty() {
+                    self.lose(self.desc.meshes[i].span, "tangents of a mesh", "computed anew");
+                }
+                let name = self.files.mesh(*mesh, data)?;
                 self.xml.open("shape", "ply", "");
                 self.xml.value("string", "filename", name);
                 if flat {
@@ -323,7 +317,10 @@ impl Writer<'_> {
                 self.xml.open("emitter", "constant", "");
                 self.xml.triple("rgb", "radiance", *radiance);
             }
-            LightDesc::Environment { image, scale, world_from_light } => {
+            LightDesc::Environment { image, scale, world_from_light, mapping } => {
+                if *mapping != EnvironmentMapping::Equirectangular {
+                    self.lose(span, "environment map of another mapping than latitude and longitude", "the picture as it is");
+                }
                 let name = self.image(*image)?;
                 if scale[0] != scale[1] || scale[1] != scale[2] {
                     self.lose(span, "color of an environment light", "its mean");

@@ -4,8 +4,9 @@ use glam::DVec3;
 use roxmltree::Node;
 
 use super::{Context, SPECTRUM_SIZE_LIMIT, XmlReader};
+use crate::formats::mitsuba::find;
 use crate::formats::mitsuba::tree::Value;
-use crate::formats::mitsuba::{find, spectrum};
+use crate::formats::spectrum;
 use crate::formats::{ResolveError, Resolver};
 use crate::span::Span;
 
