@@ -9,6 +9,7 @@
 //! ```
 
 mod advanced;
+pub mod bicubic_patch;
 pub mod blob;
 mod bounds;
 mod bvh;
@@ -18,6 +19,8 @@ mod cuboid;
 pub mod curve;
 mod disc;
 pub mod height_field;
+mod hypercomplex;
+pub mod julia;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
@@ -32,6 +35,7 @@ mod quadric;
 pub mod roots;
 pub mod sor;
 mod sphere;
+pub mod sphere_sweep;
 pub mod superellipsoid;
 mod text;
 mod torus;
