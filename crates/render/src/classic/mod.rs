@@ -16,6 +16,7 @@ mod finish;
 mod gamma;
 mod images;
 mod light;
+mod media;
 mod mesh_camera;
 mod refract;
 mod shadow;

@@ -97,6 +97,14 @@ impl<'a, 's> Tracer<'a, 's> {
             traced.color *= attenuation(interior, t);
         }
         if ray.inside.iter().all(|w| w.hollow) {
+            let group = hit.as_ref().map_or(0, |h| h.object.light_group);
+            if !world.scene.atmosphere.is_empty() || ray.inside.iter().any(|w| w.interior.as_ref().is_some_and(|i| !i.media.is_empty())) {
+                let clear = traced.color;
+                traced.color = self.through_media(clear, &ray.line, t, &ray.inside, group);
+                if gray((traced.color - clear).abs()) > 0.0 {
+                    traced.alpha = 1.0;
+                }
+            }
             let before = traced.color;
             traced.color = world.hazed(before, &ray.line, t);
             if gray((traced.color - before).abs()) > 0.0 {
