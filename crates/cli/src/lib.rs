@@ -26,6 +26,8 @@ struct Cli {
 enum Command {
     /// Render a scene.
     Render(Box<commands::render::Args>),
+    /// Render a POV-Ray scene with POV-Ray's own switches and .ini files.
+    Pov(commands::pov::Args),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
     /// Convert a scene to another format.
@@ -53,6 +55,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     };
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
+        Command::Pov(args) => commands::pov::run(args),
         Command::Info(args) => commands::info::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),

@@ -29,7 +29,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !matches!(extension.as_str(), "xml" | "pbrt" | "gltf" | "glb") {
         return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
-    let desc = args.scene.read()?;
+    let desc = args.scene.read([None, None])?;
     if !args.quiet {
         report_losses(&desc);
     }

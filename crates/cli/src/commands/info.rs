@@ -20,7 +20,7 @@ pub struct Args {
 
 /// Prints the summary to standard output.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
-    let desc = args.scene.read()?;
+    let desc = args.scene.read([None, None])?;
     let text = if args.json { format!("{:#}", Summary::new(&desc).to_json()) } else { formats::summary(&desc) };
     writeln!(std::io::stdout(), "{}", text.trim_end())?;
     Ok(ExitCode::from(exit::OK))

@@ -23,7 +23,7 @@ use crate::settings::SettingsArgs;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(flatten)]
-    scene: SceneArgs,
+    pub(super) scene: SceneArgs,
     #[command(flatten)]
     settings: SettingsArgs,
     /// Only these pixels: x0,y0,x1,y1 from the upper left, the last excluded.
@@ -85,7 +85,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     // Classic scenes follow up to 256 rays into each other.
     let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).stack_size(32 << 20).build().context("the threads could not be started")?;
     let start = Instant::now();
-    let desc = pool.install(|| args.scene.read())?;
+    let desc = pool.install(|| args.scene.read([settings.width, settings.height]))?;
     if !args.quiet {
         report_losses(&desc);
     }

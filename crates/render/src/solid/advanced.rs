@@ -3,10 +3,10 @@
 use std::sync::Arc;
 
 use etendue_procedural::Images;
-use etendue_scene::desc::classic::{BlobKind, CurveKind, HeightField, HeightSource, Solid};
+use etendue_scene::desc::classic::{BlobKind, CurveKind, HeightField, HeightSource, Solid, SweepKind};
 
 use super::curve::SplineKind;
-use super::{Primitive, blob, height_field, lathe, ovus, poly, prism, sor, superellipsoid};
+use super::{Primitive, bicubic_patch, blob, height_field, julia, lathe, ovus, poly, prism, sor, sphere_sweep, superellipsoid};
 
 fn kind(kind: CurveKind) -> SplineKind {
     match kind {
@@ -26,7 +26,19 @@ pub(super) fn make(solid: &Solid, images: Option<&dyn Images>) -> Option<Arc<dyn
         Solid::Sor { points, open } => Arc::new(sor::Sor::new(points, *open)?),
         Solid::Prism(p) => Arc::new(prism::Prism::new(kind(p.spline), p.conic, p.open, p.heights, &p.points)?),
         Solid::Superellipsoid { e, n } => Arc::new(superellipsoid::Superellipsoid::new(*e, *n)?),
+        Solid::BicubicPatch(p) => Arc::new(bicubic_patch::BicubicPatch::new(&p.points, p.u_steps, p.v_steps, p.flatness, p.uv)?),
+        Solid::JuliaFractal(j) => {
+            Arc::new(julia::Julia::new(j.parameter, j.hypercomplex, j.function, j.max_iteration, j.precision, j.slice, j.distance)?)
+        }
         Solid::HeightField(field) => Arc::new(landscape(field, images)?),
+        Solid::SphereSweep(s) => {
+            let spline = match s.spline {
+                SweepKind::Linear => sphere_sweep::SweepSpline::Linear,
+                SweepKind::BSpline => sphere_sweep::SweepSpline::BSpline,
+                SweepKind::Cubic => sphere_sweep::SweepSpline::Cubic,
+            };
+            Arc::new(sphere_sweep::SphereSweep::new(spline, &s.spheres)?)
+        }
         Solid::Ovus { bottom, top } => Arc::new(ovus::Ovus::new(*bottom, *top)?),
         _ => return None,
     })

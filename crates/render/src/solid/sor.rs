@@ -35,7 +35,7 @@ impl Sor {
     /// Points are (radius, height); heights of the inner ones go strictly one way. `None` for fewer than four points, other heights,
     /// and where one is not finite.
     pub fn new(points: &[DVec2], open: bool) -> Option<Self> {
-        if points.len() < 4 || !points.iter().all(|p| p.abs().max_element() < 1e60) {
+        if points.len() < 4 || !points.iter().all(|p| p.is_finite() && p.abs().max_element() < 1e60) {
             return None;
         }
         let mut pieces = Vec::with_capacity(points.len() - 3);

@@ -54,7 +54,6 @@ impl Parser {
                 self.scene.settings.max_trace_level = (levels as u32).clamp(1, 256);
                 Ok(())
             }
-            D::Unknown => Err(self.error(span, "this is no directive of the language")),
         }
     }
 

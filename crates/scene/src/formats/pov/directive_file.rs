@@ -46,7 +46,7 @@ impl Parser {
         }
         let file = match mode {
             Some("read") => {
-                let bytes = self.read_file(&name, span)?;
+                let bytes = self.read_file(&name, &[], span)?;
                 let (items, comma) = read_items(&bytes);
                 OpenFile::Read(items, comma)
             }
@@ -72,7 +72,7 @@ impl Parser {
         }
         if append {
             if !self.files.written.contains_key(name) && self.file_is_there(name) {
-                let bytes = self.read_file(name, span)?;
+                let bytes = self.read_file(name, &[], span)?;
                 self.files.written.insert(name.to_owned(), bytes);
             }
             self.files.written.entry(name.to_owned()).or_default();
@@ -158,11 +158,11 @@ impl Parser {
             _ => return Err(self.error(span, "this file is not open for writing")),
         };
         let mut out = Vec::new();
-        let mut binary = None;
-        while self.accept(",")? {
-            if let Some(w) = self.accept_any(&["sint8", "uint8", "sint16be", "sint16le", "uint16be", "uint16le", "sint32be", "sint32le"])? {
-                binary = Some(w);
-            }
+        // Commas may be left out.
+        while self.accept(",")? || !self.at(")")? {
+            // The word holds for one value, not for those after the next comma (measured).
+            let binary =
+                self.accept_any(&["sint8", "uint8", "sint16be", "sint16le", "uint16be", "uint16le", "sint32be", "sint32le"])?;
             if self.at_string()? {
                 out.extend_from_slice(self.string_value()?.as_bytes());
                 continue;

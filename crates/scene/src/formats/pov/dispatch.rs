@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::expression::COLOR_WORDS;
+use super::lexer::Directive;
 use super::items::OBJECT_WORDS;
 use super::parser::{Parse, Parser, Token};
 use super::value::{Array, Num, Value};
@@ -68,9 +69,23 @@ impl Parser {
                 let object = self.object()?;
                 self.add_object(object);
             }
+            // Old scenes have these directives without their `#`.
+            "declare" | "default" | "include" | "local" | "undef" | "version" => return self.bare_directive(word),
             _ => return Err(self.unexpected("the scene")),
         }
         Ok(())
+    }
+
+    fn bare_directive(&mut self, word: &str) -> Parse<()> {
+        let span = self.span();
+        self.next()?;
+        if word != "default" {
+            self.warning(span, format!("`{word}` should be `#{word}`"));
+        }
+        match Directive::of(word) {
+            Some(kind) => self.directive(kind, u32::MAX, u32::MAX, span),
+            None => Ok(()),
+        }
     }
 
     /// What may stand on the right of `#declare Name =`, or be the argument of a macro.

@@ -18,7 +18,7 @@ const NUMBER_WORDS: &[&str] = &[
     "asinh",
     "atan",
     "atan2",
-    "atand",
+   
     "atanh",
     "bitwise_and",
     "bitwise_or",

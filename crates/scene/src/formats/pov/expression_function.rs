@@ -170,7 +170,6 @@ impl Parser {
             "asin" => fns::asin(a),
             "asinh" => fns::asinh(a),
             "atan" => fns::atan(a),
-            "atand" => fns::atan(a).to_degrees(),
             "atanh" => fns::atanh(a),
             "atan2" => fns::atan2(a, self.argument_float(false)?),
             "ceil" => a.ceil(),

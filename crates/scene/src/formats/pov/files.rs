@@ -99,10 +99,19 @@ impl Parser {
         self.files.paths.get(file.0 as usize)?.parent().map(Path::to_path_buf)
     }
 
-    /// The path of a file by the name in the scene.
-    pub(super) fn find_file(&mut self, name: &str, span: Span) -> Parse<PathBuf> {
+    /// The path of a file by the name in the scene, perhaps with one of some endings added.
+    pub(super) fn find_file(&mut self, name: &str, extensions: &[&str], span: Span) -> Parse<PathBuf> {
         let folder = self.including_folder();
-        match self.files.find(folder.as_deref(), name) {
+        let mut result = self.files.find(folder.as_deref(), name);
+        for extension in extensions {
+            if result.is_ok() {
+                break;
+            }
+            if let Ok(found) = self.files.find(folder.as_deref(), &format!("{name}.{extension}")) {
+                result = Ok(found);
+            }
+        }
+        match result {
             Ok((path, other_case)) => {
                 if other_case {
                     self.warning(span, format!("no file `{name}`; `{}` is taken, which differs in letter case", path.display()));
@@ -119,11 +128,11 @@ impl Parser {
     }
 
     /// The bytes of a file by the name in the scene; those that the scene has written itself come first.
-    pub(super) fn read_file(&mut self, name: &str, span: Span) -> Parse<Vec<u8>> {
+    pub(super) fn read_file(&mut self, name: &str, extensions: &[&str], span: Span) -> Parse<Vec<u8>> {
         if let Some(bytes) = self.files.written.get(name) {
             return Ok(bytes.clone());
         }
-        let path = self.find_file(name, span)?;
+        let path = self.find_file(name, extensions, span)?;
         self.read_path(&path, span)
     }
 
@@ -145,7 +154,7 @@ impl Parser {
             let bytes = bytes.clone();
             return self.lex_include(PathBuf::from(name), &bytes, span);
         }
-        let path = self.find_file(name, span)?;
+        let path = self.find_file(name, &["inc", "pov"], span)?;
         if let Some(code) = self.files.codes.get(&path) {
             return Ok(code.clone());
         }

@@ -72,14 +72,13 @@ pub(super) enum Directive {
     Write,
     MaxIntersections,
     MaxTraceLevel,
-    /// Not a directive of the language; an error where it is met.
-    Unknown,
 }
 
 impl Directive {
-    fn of(word: &str) -> Self {
+    /// The directive of a word.
+    pub(super) fn of(word: &str) -> Option<Self> {
         use Directive as D;
-        match word {
+        Some(match word {
             "break" => D::Break,
             "case" => D::Case,
             "debug" => D::Debug,
@@ -110,8 +109,8 @@ impl Directive {
             "write" => D::Write,
             "max_intersections" => D::MaxIntersections,
             "max_trace_level" => D::MaxTraceLevel,
-            _ => D::Unknown,
-        }
+            _ => return None,
+        })
     }
 
     fn opens(self) -> bool {
@@ -319,9 +318,12 @@ impl<'a> Lexer<'a, '_> {
                     self.bad("this comment does not end", place);
                     return false;
                 }
-                let word = self.word();
-                let kind = Directive::of(word);
-                self.push(Raw::Directive { kind, next: u32::MAX, end: u32::MAX }, place);
+                let start = self.at;
+                match Directive::of(self.word()) {
+                    Some(kind) => self.push(Raw::Directive { kind, next: u32::MAX, end: u32::MAX }, place),
+                    // Before any other word the sign means nothing (measured).
+                    None => self.at = start,
+                }
             }
             _ => {
                 let two = self.bytes.get(self.at..self.at + 2).and_then(|t| SIGNS.iter().position(|s| s.as_bytes() == t));

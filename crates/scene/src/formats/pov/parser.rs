@@ -82,6 +82,12 @@ pub struct Parser {
     pub(super) has_camera: bool,
 }
 
+/// Endings of picture files, tried where a name has none that leads to a file.
+const IMAGE_EXTENSIONS: &[&str] =
+    &["png", "jpg", "jpeg", "gif", "tga", "bmp", "ppm", "pgm", "tif", "tiff", "exr", "hdr", "iff", "pot", "sys"];
+/// The same of other files.
+const FILE_EXTENSIONS: &[&str] = &["ttf", "df3", "png", "gif", "tga", "pgm", "ppm", "pot", "jpg"];
+
 /// Most braces, parentheses and brackets that may be open at a time.
 pub(super) const NESTING_LIMIT: u32 = 400;
 
@@ -324,7 +330,7 @@ impl Parser {
 
     /// Registers a picture by the name in the file, looked up in the scene's folder and the search path.
     pub fn image(&mut self, name: &str, span: Span, gamma: Option<f64>) -> Parse<etendue_procedural::ImageId> {
-        let path = self.find_file(name, span)?;
+        let path = self.find_file(name, IMAGE_EXTENSIONS, span)?;
         let image = crate::desc::classic::ClassicImage { path, span, gamma };
         let same = self.scene.images.iter().position(|i| i.path == image.path && i.gamma == image.gamma);
         let at = same.unwrap_or_else(|| {
@@ -336,7 +342,7 @@ impl Parser {
 
     /// The bytes of a file (font, density file, mesh) by the name in the scene.
     pub fn file_bytes(&mut self, name: &str, span: Span) -> Parse<Vec<u8>> {
-        self.read_file(name, span)
+        self.read_file(name, FILE_EXTENSIONS, span)
     }
 
     /// Texture, pigment, normal and finish that objects and textures begin with (`#default`).

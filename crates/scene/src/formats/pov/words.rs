@@ -36,7 +36,7 @@ pub(super) const WORDS: &[&str] = &[
     "assumed_gamma",
     "atan",
     "atan2",
-    "atand",
+   
     "atanh",
     "autostop",
     "average",

@@ -177,8 +177,11 @@ impl Parser {
     /// `{ OBJECT }`, where the object may be an identifier alone, followed by modifiers.
     fn braced_object(&mut self) -> Parse<Object> {
         self.expect("{")?;
-        let object = self.object()?;
-        let mut object = object;
+        let named = self.accept_value(|v| if let Value::Object(o) = v { Some((**o).clone()) } else { None })?;
+        let mut object = match named {
+            Some(object) => object,
+            None => self.object()?,
+        };
         while !self.accept("}")? {
             match self.accept_transform()? {
                 Some(m) => object.transform(&m),
