@@ -15,6 +15,7 @@ pub mod function;
 pub mod image_map;
 pub mod map;
 pub mod noise;
+pub mod noise_cells;
 mod noise_tables;
 pub mod normal;
 pub mod pattern;

@@ -138,16 +138,19 @@ fn stretched(p: DVec3, generator: u8) -> f64 {
 
 /// Moves into [0, 1]; NaN becomes 0.
 #[inline]
-fn unit(x: f64) -> f64 {
+#[allow(clippy::manual_clamp)] // clamp keeps NaN
+pub(crate) fn unit(x: f64) -> f64 {
     x.max(0.0).min(1.0)
 }
 
 /// Integer and fraction: x = i + d, 0 ≤ d < 1. Numbers that have none give d = 0.
 #[inline]
 fn split(x: f64) -> (i64, f64) {
-    let floor = x.floor();
-    let d = x - floor;
-    (floor as i64, if d < 1.0 { d } else { 0.0 })
+    // Faster than `floor`, which is a library call on processors without an instruction for it; exact where |x| < 2⁶³.
+    let i = x as i64;
+    let i = if (i as f64) > x { i.wrapping_sub(1) } else { i };
+    let d = x - i as f64;
+    (i, if (0.0..1.0).contains(&d) { d } else { 0.0 })
 }
 
 /// Weight of the corner above, with slope 0 at both: 3 d² − 2 d³ (Perlin 1985).
@@ -242,7 +245,7 @@ fn perlin(p: DVec3) -> f64 {
 mod tests {
     use super::*;
 
-    // Values of POV-Ray 3.7.0.10, written with `#write` by `bench/noise_tables.py --tests`.
+    // Values of POV-Ray 3.7.0.10, written with `#write`.
     /// Point; noise of generators 1, 2, 3.
     #[rustfmt::skip]
 const NOISE: [(DVec3, [f64; 3]); 18] = [

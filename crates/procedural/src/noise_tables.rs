@@ -117,3 +117,34 @@ const HUNDRED_MILLIONTHS: [i32; 267] = [
     88644200, 86868100, -22566600, -6221100, -9764250, -64144400, -84811200, 72469700, 47350300, 99874900, 17470100, 55962500,
     -2909900, -33739200, -95812900, -65978500, 23604200, -24693700, 65944900, -2751200, 82189700, -22621500, 1817350, 50048100,
     -42012700, -42787800, 56618600,];
+
+/// Number of outputs of [`TWISTER`]; a feature point takes three from its cell's hash on.
+const TWISTER_SIZE: usize = HASH_SIZE + 2;
+
+/// First outputs of the Mersenne Twister (Matsumoto and Nishimura 1998, doi:10.1145/272991.272995) of seed 5489.
+pub(crate) static TWISTER: [u32; TWISTER_SIZE] = twister();
+
+const fn twister() -> [u32; TWISTER_SIZE] {
+    const N: usize = 624;
+    let mut state = [5489_u32; N];
+    let mut i = 1;
+    while i < N {
+        state[i] = (state[i - 1] ^ (state[i - 1] >> 30)).wrapping_mul(1_812_433_253).wrapping_add(i as u32);
+        i += 1;
+    }
+    let mut out = [0; TWISTER_SIZE];
+    let mut i = 0;
+    while i < TWISTER_SIZE {
+        let k = i % N;
+        let y = (state[k] & 0x8000_0000) | (state[(k + 1) % N] & 0x7fff_ffff);
+        state[k] = state[(k + 397) % N] ^ (y >> 1) ^ (if y & 1 == 1 { 0x9908_b0df } else { 0 });
+        let mut y = state[k];
+        y ^= y >> 11;
+        y ^= (y << 7) & 0x9d2c_5680;
+        y ^= (y << 15) & 0xefc6_0000;
+        y ^= y >> 18;
+        out[i] = y;
+        i += 1;
+    }
+    out
+}
