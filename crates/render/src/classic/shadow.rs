@@ -69,7 +69,14 @@ impl<'a> Tracer<'a, '_> {
                 return false;
             }
             let interior = hit.object.interior.clone();
-            passes.push(Pass { t: hit.t, identity: identity(hit.object), color, interior, cos: hit.n.dot(line.d), hollow: hit.object.hollow });
+            passes.push(Pass {
+                t: hit.t,
+                identity: identity(hit.object),
+                color,
+                interior,
+                cos: hit.n.dot(line.d),
+                hollow: hit.object.hollow,
+            });
             true
         });
         if blocked {
