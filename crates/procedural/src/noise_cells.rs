@@ -3,6 +3,7 @@
 //! Found from POV-Ray's documentation and output alone (`README.md` beside this file).
 
 use std::f64::consts::TAU;
+use std::sync::LazyLock;
 
 use glam::DVec3;
 
@@ -153,7 +154,30 @@ impl Waves {
         let sum: f64 = self.centers.iter().map(|(c, f)| fns::sin(TAU * (p.distance(*c) * frequency * f + phase)) / f).sum();
         0.5 + 0.2 * sum / self.centers.len() as f64
     }
+
+    /// What `normal { ripples }` adds to a normal for each unit of depth: the mean of the directions from the centers, times the waves
+    /// there.
+    pub fn ripples_vector(&self, p: DVec3, frequency: f64, phase: f64) -> DVec3 {
+        self.vector(p, |distance, _| fns::sin(TAU * (distance * frequency + phase)))
+    }
+
+    /// The same for `normal { waves }`.
+    pub fn waves_vector(&self, p: DVec3, frequency: f64, phase: f64) -> DVec3 {
+        self.vector(p, |distance, f| fns::sin(TAU * (distance * frequency * f + phase)) / f)
+    }
+
+    fn vector(&self, p: DVec3, wave: impl Fn(f64, f64) -> f64) -> DVec3 {
+        let each = |(center, f): &(DVec3, f64)| {
+            let way = p - *center;
+            let distance = way.length();
+            if distance > 0.0 { way * (wave(distance, *f) / distance) } else { DVec3::ZERO }
+        };
+        self.centers.iter().map(each).sum::<DVec3>() / self.centers.len() as f64
+    }
 }
+
+/// The ten centers that scenes have without `number_of_waves`.
+pub(crate) static TEN_WAVES: LazyLock<Waves> = LazyLock::new(|| Waves::new(10));
 
 #[cfg(test)]
 mod tests {

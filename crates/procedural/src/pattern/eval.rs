@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use super::{Pattern, PatternKind, Slope, simple};
 use crate::noise::{self, Turbulence};
-use crate::{Context, fns};
+use crate::{Context, fns, noise_cells};
 
 impl Pattern {
     /// The value before frequency, phase and wave form, at a point in the pattern's own space.
@@ -20,14 +20,14 @@ impl Pattern {
             }
             PatternKind::Boxed => 1.0 - p.abs().max_element().min(1.0),
             PatternKind::Bozo | PatternKind::Spotted | PatternKind::Bumps => noise::noise(p, generator),
-            PatternKind::Cells => 0.0,
-            PatternKind::Crackle(_) => 0.0,
+            PatternKind::Cells => noise_cells::cells(p),
+            PatternKind::Crackle(c) => noise_cells::crackle(p, c.form, c.metric, c.offset, c.solid, generator),
             PatternKind::Cylindrical => 1.0 - (p.x * p.x + p.z * p.z).sqrt().min(1.0),
             PatternKind::DensityFile(file) => file.value(p),
             PatternKind::Dents => noise::dents(p, generator),
             PatternKind::Facets { .. } => 0.0,
             PatternKind::Fractal(fractal) => fractal.value(p),
-            PatternKind::Function(function) => function.eval(&p.to_array(), inner),
+            PatternKind::Function(function) => simple::fraction(function.eval(&p.to_array(), inner)),
             PatternKind::Gradient(direction) => simple::gradient(p, *direction),
             PatternKind::Granite => noise::granite(p, generator),
             PatternKind::Image(image) => image.value(inner).unwrap_or(0.0),
@@ -42,7 +42,8 @@ impl Pattern {
             PatternKind::Planar => 1.0 - p.y.abs().min(1.0),
             PatternKind::Quilted { control0, control1 } => simple::quilted(p, *control0, *control1),
             PatternKind::Radial => simple::radial(p),
-            PatternKind::Ripples | PatternKind::Waves => 0.0,
+            PatternKind::Ripples => noise_cells::TEN_WAVES.ripples(p, self.wave.frequency, self.wave.phase),
+            PatternKind::Waves => noise_cells::TEN_WAVES.waves(p, self.wave.frequency, self.wave.phase),
             PatternKind::Slope(slope) => slope.value(p, inner.normal),
             PatternKind::Spherical => 1.0 - p.length().min(1.0),
             PatternKind::Spiral1(arms) => simple::spiral1(p, *arms, self.spiral_turbulence(p, generator)),

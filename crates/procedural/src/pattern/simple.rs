@@ -17,8 +17,12 @@ pub(super) fn gradient(p: DVec3, direction: DVec3) -> f64 {
     if length == 0.0 {
         return 0.0;
     }
-    let v = p.dot(direction) / length;
-    if v > 0.0 { v % 1.0 } else { v }
+    fraction(p.dot(direction) / length)
+}
+
+/// Values of `gradient` and `function` above 1 lose their whole part; 1 and all below stay (measured).
+pub(super) fn fraction(v: f64) -> f64 {
+    if v > 1.0 { v % 1.0 } else { v }
 }
 
 /// Angle around the y axis in turns: 0 at +x, 1/4 at −z.

@@ -570,4 +570,38 @@ mod tests {
         }
         assert!(wrong.is_empty(), "{} differ:\n{}", wrong.len(), wrong.join("\n"));
     }
+
+    /// Absurd patterns, maps and warps are errors or harmless numbers: no panic, no endless loop.
+    #[test]
+    fn hostile_pigments() {
+        let mut deep = "rgb 1".to_owned();
+        for _ in 0..60 {
+            deep = format!("gradient x pigment_map {{ [0 {deep}] [1 rgb 0] }}");
+        }
+        for (body, valid) in [
+            ("gradient x color_map { }", false),
+            ("gradient x color_map { [0 rgb 1", false),
+            ("gradient x pigment_map { [0 ] }", true),
+            ("gradient 0 color_map { [0 rgb 1] }", true),
+            ("gradient x frequency 1e300 phase -1e300 scale 1e-300", true),
+            ("wood scale 0 turbulence 1e300 octaves 1e9 lambda 1e300 omega 1e300", true),
+            ("brick brick_size 0 mortar 1e300", true),
+            ("mandel -5 exponent 33", true),
+            ("mandel 10 exponent 34", false),
+            ("tiling 28", false),
+            ("gradient x warp { repeat <1,1,0> }", false),
+            ("gradient x warp { repeat 0 } warp { black_hole 0, 0 falloff -1e300 repeat 1e-300 }", true),
+            ("crackle metric 0 form 1e300 offset -1 scale 1e-300", true),
+            ("spiral2 1e300 poly_wave -1e300", true),
+            (deep.as_str(), false),
+        ] {
+            let pigment = Parser::from_text(&format!("{body} }}")).pigment_body(None);
+            assert_eq!(pigment.is_ok(), valid, "{body}");
+            if let Ok(pigment) = pigment {
+                for v in [0.3, 0.0, -1e300, f64::NAN, f64::INFINITY] {
+                    let _ = pigment.color(&Context::at(DVec3::new(v, 0.2, -v)));
+                }
+            }
+        }
+    }
 }
