@@ -74,7 +74,10 @@ impl Scene {
 }
 
 fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, variant: Option<String>, scene: Option<String>) -> ReadOptions {
-    ReadOptions { search_paths, defines, variant, scene, ..ReadOptions::default() }
+    let mut options = ReadOptions { search_paths, defines, variant, scene, ..ReadOptions::default() };
+    // Scripts of POV-Ray scenes ask what their objects look like.
+    options.pov.probe = Some(Arc::new(etendue_render::solid::WorldProbe::new()));
+    options
 }
 
 /// Reads in the background and wraps the result.

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Frustum between two circles. Parts: 0 the side, 1 the base, 2 the cap.
 #[derive(Clone, Debug)]
@@ -147,6 +147,6 @@ impl Primitive for Cone {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Ring in a plane.
 #[derive(Clone, Debug)]
@@ -57,6 +57,6 @@ impl Primitive for Disc {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

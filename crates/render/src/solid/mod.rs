@@ -98,6 +98,9 @@ impl Crossing {
     }
 }
 
+/// What shapes without surface coordinates give; hits then have x and y of the point in world space, as measured from POV-Ray.
+pub const NO_UV: DVec2 = DVec2::NAN;
+
 /// A shape in its own space.
 pub trait Primitive: Send + Sync {
     /// A box that holds its surface (and its inside, where that is bounded); infinite for unbounded shapes.
@@ -108,7 +111,7 @@ pub trait Primitive: Send + Sync {
     fn inside(&self, p: DVec3) -> bool;
     /// The unit normal at a crossing, to the outside (for surfaces without inside: as POV-Ray's).
     fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3;
-    /// Surface coordinates at a crossing, for `uv_mapping`; (0, 0) where the shape has none.
+    /// Surface coordinates at a crossing, for `uv_mapping`; [`NO_UV`] where the shape has none.
     fn uv(&self, p: DVec3, crossing: &Crossing) -> DVec2;
 
     /// The nearest crossing with `t_min` < t < `t_max`. `scratch` may be used and is left as it was found.

@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Everything with n · p ≤ distance.
 #[derive(Clone, Debug)]
@@ -75,6 +75,6 @@ impl Primitive for Plane {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Polygons in one plane; a point counts where it is inside of an odd number of them.
 pub(super) struct Polygon {
@@ -81,6 +81,6 @@ impl Primitive for Polygon {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

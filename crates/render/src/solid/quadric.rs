@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// pᵀ M p + g · p + constant = 0; negative inside.
 #[derive(Clone, Debug)]
@@ -120,6 +120,6 @@ impl Primitive for Quadric {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

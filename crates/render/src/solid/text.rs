@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 
 use super::bvh::Bvh;
 use super::roots::quadratic;
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Letters between z = 0 and z = thickness. Parts: 0 the front, 1 the back, 2 + i the wall of piece i of the outlines.
 pub(super) struct Text {
@@ -195,6 +195,6 @@ impl Primitive for Text {
     }
 
     fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
-        DVec2::ZERO
+        NO_UV
     }
 }

@@ -92,11 +92,9 @@ impl Primitive for Torus {
     }
 
     fn uv(&self, p: DVec3, _crossing: &Crossing) -> DVec2 {
-        let turn = |y: f64, x: f64| {
-            let t = fns::atan2(y, x) / std::f64::consts::TAU;
-            if t < 0.0 { t + 1.0 } else { t }
-        };
+        let turn = |y: f64, x: f64| fns::atan2(y, x) / std::f64::consts::TAU;
         let r = (p.x * p.x + p.z * p.z).sqrt() - self.major;
-        DVec2::new(turn(p.z, p.x), turn(p.y, r))
+        // As measured: u falls as the ring turns from +x to +z, both are 0.5 on the outside at +x.
+        DVec2::new((0.5 - turn(p.z, p.x)).rem_euclid(1.0), turn(p.y, r) + 0.5)
     }
 }

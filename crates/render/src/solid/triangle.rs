@@ -3,7 +3,7 @@
 use etendue_scene::desc::classic;
 use glam::{DAffine3, DVec2, DVec3};
 
-use super::{Bounds, Crossing, Line, Primitive};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Triangle with barycentric coordinates of the second and third corner in its crossings.
 #[derive(Clone, Debug)]
@@ -97,7 +97,7 @@ impl Primitive for Triangle {
         if flat.dot(self.normal(p, crossing)) < 0.0 { -flat } else { flat }
     }
 
-    fn uv(&self, _p: DVec3, crossing: &Crossing) -> DVec2 {
-        crossing.uv
+    fn uv(&self, _p: DVec3, _crossing: &Crossing) -> DVec2 {
+        NO_UV
     }
 }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use etendue_procedural::{Images, Texture};
 use etendue_scene::desc::classic::Object;
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 
 use super::bvh::Bvh;
 use super::trace::{Query, RawHit, Scratch};
@@ -174,12 +174,13 @@ impl World {
         let local = leaf.local_point(p);
         let n = leaf.shape.normal(local, &hit.crossing);
         let ng = leaf.shape.geometric_normal(local, &hit.crossing);
+        let uv = leaf.shape.uv(local, &hit.crossing);
         SolidHit {
             t: hit.crossing.t,
             p,
             n: leaf.world_normal(n),
             ng: leaf.world_normal(ng),
-            uv: leaf.shape.uv(local, &hit.crossing),
+            uv: if uv.is_nan() { DVec2::new(p.x, p.y) } else { uv },
             object: &leaf.object,
             leaf: hit.leaf,
             crossing: hit.crossing,

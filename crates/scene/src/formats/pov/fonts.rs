@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use glam::{DVec2, DVec3};
-use ttf_parser::{Face, GlyphId, OutlineBuilder};
+use ttf_parser::{Face, GlyphId, OutlineBuilder, Tag};
 
 use crate::desc::classic::{Outline, OutlineSegment, TextShape};
 
@@ -151,15 +151,22 @@ fn find_glyph(face: &Face, c: char) -> GlyphId {
     face.glyph_index(c).or_else(symbol).unwrap_or(GlyphId(0))
 }
 
-/// Horizontal kerning between two glyphs in font units.
+/// Horizontal kerning between two glyphs in font units. Tables of fonts are not always sorted as they should be, so that all pairs are
+/// looked at.
 fn kerning(face: &Face, left: GlyphId, right: GlyphId) -> i32 {
-    let Some(kern) = face.tables().kern else { return 0 };
-    kern.subtables
-        .into_iter()
-        .filter(|t| t.horizontal && !t.variable && !t.has_cross_stream && !t.has_state_machine)
-        .filter_map(|t| t.glyphs_kerning(left, right))
-        .map(i32::from)
-        .sum()
+    let table = face.raw_face().table(Tag::from_bytes(b"kern")).unwrap_or_default();
+    let word = |at: usize| table.get(at..at + 2).map(|b| u16::from_be_bytes([b[0], b[1]]));
+    // Version 0, a first table of horizontal pairs (format 0); others are Apple's.
+    let plain = word(0) == Some(0) && word(8).is_some_and(|coverage| coverage & 0xFF07 == 1);
+    if !plain {
+        let Some(kern) = face.tables().kern else { return 0 };
+        let is_plain = |t: &ttf_parser::kern::Subtable| t.horizontal && !t.variable && !t.has_cross_stream && !t.has_state_machine;
+        return kern.subtables.into_iter().filter(is_plain).filter_map(|t| t.glyphs_kerning(left, right)).map(i32::from).sum();
+    }
+    let count = usize::from(word(10).unwrap_or(0));
+    let pairs = table.get(18..).unwrap_or_default().chunks_exact(6).take(count);
+    let wanted = [left.0.to_be_bytes(), right.0.to_be_bytes()].concat();
+    pairs.filter(|p| p[..4] == wanted[..]).map(|p| i32::from(i16::from_be_bytes([p[4], p[5]]))).next().unwrap_or(0)
 }
 
 /// Collects an outline.

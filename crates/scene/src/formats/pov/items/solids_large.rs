@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use etendue_procedural::Context;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::super::{Parse, Parser};
@@ -10,6 +11,9 @@ use crate::desc::classic::{
     SphereSweep, SweepKind,
 };
 use crate::span::Span;
+
+/// Most samples of a height field's function.
+const HEIGHTS_LIMIT: f64 = 6.4e7;
 
 const CURVES: &[(&str, CurveKind)] = &[
     ("linear_spline", CurveKind::Linear),
@@ -267,6 +271,49 @@ impl Parser {
 
     /// `function width, height { … }` of a height field: sampled here.
     fn height_function(&mut self, span: Span) -> Parse<HeightSource> {
-        Err(self.error(span, "a height_field of a function cannot be read yet"))
+        self.expect("function")?;
+        let width = self.float()?;
+        self.comma()?;
+        let height = self.float()?;
+        self.comma()?;
+        if !(width >= 2.0 && height >= 2.0 && width * height <= HEIGHTS_LIMIT) {
+            return Err(self.error(span, format!("the function of a height_field needs 2 by 2 to {HEIGHTS_LIMIT} samples in all")));
+        }
+        let function = self.function_body(["x", "y", "z"].map(String::from).to_vec())?;
+        let mut context = Context::at(DVec3::ZERO);
+        context.noise_generator = self.scene.settings.noise_generator;
+        let (width, height) = (width as u32, height as u32);
+        let mut values = Vec::with_capacity(width as usize * height as usize);
+        for row in 0..height {
+            for column in 0..width {
+                let x = f64::from(column) / f64::from(width - 1);
+                let y = f64::from(row) / f64::from(height - 1);
+                values.push(height_level(function.eval(&[x, y, 0.0], &context)));
+            }
+            self.check_time()?;
+        }
+        Ok(HeightSource::Values { width, height, values })
+    }
+}
+
+/// A function's value as one of 65536 levels. Values beyond 0 to 1 wrap around, whole numbers above 0 to 1 (measured: 2 gives 1, −1 gives 0,
+/// 1.25 gives 0.25).
+fn height_level(value: f64) -> f64 {
+    let part = value - value.floor();
+    let part = if part == 0.0 && value > 0.0 { 1.0 } else { part };
+    if part.is_finite() { (part * 65535.0).floor() / 65535.0 } else { 0.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn levels() {
+        let near = |a: f64, b: f64| (a - b).abs() < 2e-5;
+        for (value, level) in [(0.5, 0.5), (1.0, 1.0), (2.0, 1.0), (0.0, 0.0), (-1.0, 0.0), (-0.25, 0.75), (1.25, 0.25)] {
+            assert!(near(height_level(value), level), "{value}");
+        }
+        assert_eq!(height_level(f64::NAN), 0.0);
     }
 }
