@@ -18,7 +18,6 @@ const NUMBER_WORDS: &[&str] = &[
     "asinh",
     "atan",
     "atan2",
-   
     "atanh",
     "bitwise_and",
     "bitwise_or",

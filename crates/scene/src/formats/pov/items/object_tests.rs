@@ -125,8 +125,10 @@ fn textures_of_objects() {
 
 #[test]
 fn combinations_and_modifiers() {
-    let o = one("difference { sphere { 0, 1 } box { 0, 1 inverse } hollow no_shadow no_image off cutaway_textures rotate 90*z interior { ior 1.5 } \
-                 photons { target 2 reflection on refraction off collect off } clipped_by { plane { y, 0 } } bounded_by { clipped_by } }");
+    let o = one(
+        "difference { sphere { 0, 1 } box { 0, 1 inverse } hollow no_shadow no_image off cutaway_textures rotate 90*z interior { ior 1.5 } \
+                 photons { target 2 reflection on refraction off collect off } clipped_by { plane { y, 0 } } bounded_by { clipped_by } }",
+    );
     let Solid::Difference(parts) = &o.solid else { panic!() };
     assert!(parts[1].inverse && o.hollow && o.hollow_stated && o.no_shadow && !o.no_image && o.cutaway_textures);
     assert_eq!(o.photons.target, Some(2.0));
@@ -134,7 +136,9 @@ fn combinations_and_modifiers() {
     assert_eq!(o.clipped_by, o.bounded_by);
     assert_eq!((o.leaves, o.depth), (2, 1));
     // Grown step by step, unions stay flat.
-    let grown = one("#declare A = union { sphere { 0, 1 } } #for (I, 1, 1000) #declare A = union { object { A } sphere { I, 1 } } #end object { A }");
+    let grown = one(
+        "#declare A = union { sphere { 0, 1 } } #for (I, 1, 1000) #declare A = union { object { A } sphere { I, 1 } } #end object { A }",
+    );
     assert_eq!((grown.leaves, grown.depth), (1001, 1));
     let scene = scene("union { sphere { 0, 1 } union { light_source { <1, 2, 3>, rgb 1 } translate x } scale 2 }");
     assert_eq!((scene.objects.len(), scene.lights.len()), (1, 1));
