@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::lexer::{Directive, Raw, SIGNS, Sym};
 use super::parser::{Parse, Parser};
 use super::stream::{Block, BlockKind, FrameKind};
-use super::symbols::Place;
+use super::symbols::{Place, Size};
 use super::value::{Macro, Value};
 use crate::span::Span;
 
@@ -21,7 +21,7 @@ const PARAMETER_LIMIT: usize = 256;
 
 enum Argument {
     Place(Place),
-    Value(Value),
+    Value(Value, Size),
     Missing,
 }
 
@@ -331,8 +331,10 @@ impl Parser {
         for (&(name, _), argument) in m.parameters.iter().zip(arguments) {
             match argument {
                 Argument::Place(place) => self.symbols.bind_alias(name, level, place),
-                Argument::Value(value) => {
-                    self.symbols.set(&self.symbols.local_place(name, level), value);
+                Argument::Value(value, size) => {
+                    let place = self.symbols.local_place(name, level);
+                    self.symbols.set(&place, value);
+                    self.symbols.set_size(&place, size);
                 }
                 Argument::Missing => {}
             }
@@ -362,7 +364,7 @@ impl Parser {
             }
         }
         for i in 0..m.parameters.len() {
-            if !m.parameters[i].1 && !matches!(arguments.get(i), Some(Argument::Place(_) | Argument::Value(_))) {
+            if !m.parameters[i].1 && !matches!(arguments.get(i), Some(Argument::Place(_) | Argument::Value(..))) {
                 let name = self.names.text(m.parameters[i].0);
                 return Err(self.error(span, format!("the macro `{}` needs an argument for `{name}`", m.name)));
             }
@@ -387,7 +389,8 @@ impl Parser {
                 return Ok(Argument::Place(place));
             }
         }
-        self.rvalue().map(Argument::Value)
+        let (value, size) = self.sized_rvalue()?;
+        Ok(Argument::Value(value, size))
     }
 
     pub(super) fn at_bracket(&self) -> bool {

@@ -328,6 +328,7 @@ impl Parser {
                 match self.symbols.at(&place) {
                     Some(v) => {
                         let token = Token::Identifier(self.names.text(name), v.clone());
+                        self.use_size(name);
                         self.ahead = Some((token, span));
                     }
                     None => {
@@ -338,10 +339,21 @@ impl Parser {
             }
             Some(value) => {
                 let value = value.clone();
+                if !matches!(value, Value::Float(_) | Value::Vector(_) | Value::String(_)) {
+                    self.use_size(name);
+                }
                 self.ahead = Some((Token::Identifier(self.names.text(name), value), span));
             }
         }
         Ok(())
+    }
+
+    /// Counts a value as part of what is being declared. Right inside of its braces it is what the new value is made of, not a part.
+    fn use_size(&mut self, name: Sym) {
+        let size = self.symbols.size(name);
+        let is_part = self.nesting > self.base_nesting + 1;
+        self.used.depth = self.used.depth.max(size.depth + u32::from(is_part));
+        self.used.weight = self.used.weight.saturating_add(size.weight);
     }
 
     fn tell_deprecation(&mut self, name: Sym, span: Span) {
