@@ -356,7 +356,8 @@ impl Parser {
                 let argument = self.argument()?;
                 arguments.push(argument);
             }
-            closed = !self.accept(",")?;
+            // Commas may be left out.
+            closed = !self.accept(",")? && self.at(")")?;
             if closed {
                 // Not counted as open by `next`, so it must not be counted as closed.
                 self.nesting += 1;
@@ -375,7 +376,9 @@ impl Parser {
     /// An argument: a variable by reference where it stands alone, else a value.
     fn argument(&mut self) -> Parse<Argument> {
         let span = self.raw_span();
-        if let Some(Raw::Name(name)) = self.raw() {
+        // Where a comma was left out, the argument's first token has been looked at, and is a value.
+        let raw = if self.ahead.is_none() { self.raw() } else { None };
+        if let Some(Raw::Name(name)) = raw {
             if self.stands_alone() && !matches!(self.symbols.get(name), Some(Value::Macro(_))) {
                 if self.symbols.deprecation(name).is_some() {
                     let text = self.symbols.deprecation(name).map(|d| d.message.to_string()).unwrap_or_default();
