@@ -47,7 +47,7 @@ pub(super) fn intersect(corner: DVec3, edges: &[DVec3; 2], line: &Line) -> Optio
     let scale = 1.0 / edges[0].dot(p);
     let s = line.o - corner;
     let u = s.dot(p) * scale;
-    if !(u >= -ROOM && u <= 1.0 + ROOM) {
+    if !(-ROOM..=1.0 + ROOM).contains(&u) {
         return None;
     }
     let q = s.cross(edges[0]);

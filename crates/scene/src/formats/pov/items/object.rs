@@ -136,7 +136,7 @@ impl Parser {
             return;
         }
         let leaves = self.scene.objects.iter().fold(object.leaves, |n, o| n.saturating_add(o.leaves));
-        if self.scene.objects.len() % 1024 == 0 && leaves > MAX_LEAVES {
+        if self.scene.objects.len().is_multiple_of(1024) && leaves > MAX_LEAVES {
             let span = object.span;
             self.error(span, format!("more than {MAX_LEAVES} primitives"));
             return;
