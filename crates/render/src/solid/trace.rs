@@ -172,7 +172,7 @@ impl Tree {
                 scratch.hits.extend(scratch.crossings.iter().map(|&crossing| RawHit { leaf: *index, crossing }));
             }
             kind @ (Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group)) => {
-                let mut child = |i: u32, scratch: &mut Scratch| {
+                let child = |i: u32, scratch: &mut Scratch| {
                     let first = scratch.hits.len();
                     self.collect(group.children[i as usize], query, t_max, scratch);
                     self.retain(first, scratch, |hit| self.counts(kind, i, query.line.at(hit.crossing.t)));
