@@ -16,7 +16,9 @@ mod finish;
 mod gamma;
 mod images;
 mod light;
+mod media;
 mod mesh_camera;
+mod radiosity;
 mod refract;
 mod shadow;
 mod surface;
@@ -52,6 +54,7 @@ pub struct ClassicWorld {
     pictures: Pictures,
     pattern_objects: Vec<World>,
     space: WorkingSpace,
+    radiosity: Option<radiosity::Cache>,
 }
 
 impl ClassicWorld {
@@ -64,7 +67,11 @@ impl ClassicWorld {
         let pattern_objects = scene.pattern_objects.iter().map(|o| World::with_images(std::slice::from_ref(o), Some(&pictures))).collect();
         let lamps_of_group = light::sets(scene);
         let rays = Rays::new(scene.camera.clone(), size);
-        let made = Self { scene: Arc::new(scene.clone()), world, rays, lamps, lamps_of_group, pictures, pattern_objects, space };
+        let mut made =
+            Self { scene: Arc::new(scene.clone()), world, rays, lamps, lamps_of_group, pictures, pattern_objects, space, radiosity: None };
+        if let Some(settings) = &scene.settings.radiosity {
+            made.radiosity = Some(radiosity::Cache::build(&made, settings, size));
+        }
         (made, faults)
     }
 

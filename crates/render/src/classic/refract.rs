@@ -67,7 +67,8 @@ pub(super) fn refracted(d: DVec3, n: DVec3, ratio: f64) -> Option<DVec3> {
 /// What an interior leaves of light over a depth: color + (1 − color) / (1 + (depth / distance) ^ power), exponential for powers from 1000
 /// (documentation, "Attenuation").
 pub(super) fn attenuation(interior: &Interior, depth: f64) -> DVec3 {
-    if !(interior.fade_power > 0.0) || interior.fade_distance == 0.0 {
+    // A power of 0 halves the light at any depth (measured); without a distance there is no fading.
+    if interior.fade_distance == 0.0 {
         return DVec3::ONE;
     }
     let d = depth.max(0.0) / interior.fade_distance.abs();

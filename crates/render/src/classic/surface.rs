@@ -28,6 +28,8 @@ struct Place<'a, 'h> {
     view: DVec3,
     /// Lights and their colors here, once they are known: direction and color.
     lights: Option<Vec<Lit>>,
+    /// Light of surfaces around, once it is known.
+    around: Option<DVec3>,
 }
 
 /// A light as it arrives.
@@ -55,8 +57,8 @@ impl<'a> Tracer<'a, '_> {
         if ray.depth == 0 && self.first.is_none() {
             self.first = Some(First { p: hit.p, n, uv: hit.uv, depth: hit.t, albedo: DVec3::ZERO, leaf: hit.leaf });
         }
-        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None };
-        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0 };
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None };
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for stack in &stacks {
             let traced = self.stack(&mut place, stack);
             sum.color += traced.color * stack.weight;
@@ -91,7 +93,13 @@ impl<'a> Tracer<'a, '_> {
             let opacity = pigment.opacity().max(0.0);
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
-                color += passing * pigment.rgb * (finish.ambient * settings.ambient_light + finish.emission) * opacity;
+                let mut glow = finish.emission;
+                if settings.radiosity.is_none() {
+                    glow += finish.ambient * settings.ambient_light;
+                } else if finish.diffuse != 0.0 {
+                    glow += self.around(place, n) * finish.diffuse;
+                }
+                color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
             let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
@@ -120,13 +128,25 @@ impl<'a> Tracer<'a, '_> {
             color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
-        Traced { color, alpha: alpha.clamp(0.0, 1.0) }
+        Traced { color, alpha: alpha.clamp(0.0, 1.0), t: 0.0 }
+    }
+
+    /// Light of surfaces around a place, for its normal or, with `normal on`, the perturbed one.
+    fn around(&mut self, place: &mut Place<'a, '_>, n: DVec3) -> DVec3 {
+        let perturbed = self.world.settings().radiosity.as_ref().is_some_and(|r| r.normal);
+        if perturbed {
+            return self.gathered(place.hit.p, n, place.ray);
+        }
+        if place.around.is_none() {
+            place.around = Some(self.gathered(place.hit.p, place.n, place.ray));
+        }
+        place.around.unwrap_or_default()
     }
 
     /// Diffuse light and highlights of a layer under all lights.
     fn lit(&mut self, place: &mut Place<'a, '_>, layer: &Layer, pigment: &Color, n: DVec3, opacity: f64) -> DVec3 {
         let finish = &*layer.finish;
-        let shines = finish.phong != 0.0 || finish.specular != 0.0;
+        let shines = place.ray.gather == 0 && (finish.phong != 0.0 || finish.specular != 0.0);
         let scatters = opacity != 0.0 && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
         if !shines && !scatters {
             return DVec3::ZERO;
@@ -236,6 +256,7 @@ impl<'a> Tracer<'a, '_> {
             depth: place.ray.depth + 1,
             weight,
             inside: place.ray.inside.clone(),
+            gather: place.ray.gather,
             split: place.ray.split,
         };
         self.trace(&ray).color
@@ -247,15 +268,15 @@ impl<'a> Tracer<'a, '_> {
         let d = ray.line.d;
         let through = if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio) };
         let Some(through) = through else {
-            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0 };
+            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0, t: 0.0 };
         };
         let line = Line { o: place.hit.p, d: through.normalize_or(d) };
         // Rays that go straight on do not count as a level of their own, but take one to be there (measured).
         if ray.level + 1 >= self.max_level {
-            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+            return Traced { color: DVec3::ZERO, alpha: 1.0, t: 0.0 };
         }
         let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
-        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, split: ray.split };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, split: ray.split };
         self.trace(&on)
     }
 }

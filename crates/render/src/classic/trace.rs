@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::radiosity::Gathering;
 use super::refract::{Stack, Within, attenuation};
 use super::{ClassicWorld, gray};
 use crate::sampler::SampleStream;
@@ -13,7 +14,7 @@ pub(super) const NEAR: f64 = 1e-4;
 const RAY_LIMIT: u32 = 200_000;
 
 /// Rays that lead to each other: what stands in for the stack of the thread.
-const DEPTH_LIMIT: u32 = 400;
+pub(super) const DEPTH_LIMIT: u32 = 400;
 
 /// A ray to be followed.
 pub(super) struct Ray {
@@ -27,6 +28,8 @@ pub(super) struct Ray {
     pub(super) weight: f64,
     /// What it is inside of.
     pub(super) inside: Stack,
+    /// How often light between diffuse surfaces was gathered on its way: 0 from the camera.
+    pub(super) gather: u32,
     /// Its light has been split by dispersion already.
     pub(super) split: bool,
 }
@@ -37,6 +40,8 @@ pub(super) struct Traced {
     pub(super) color: DVec3,
     /// 0 where nothing hides what is behind the scene.
     pub(super) alpha: f64,
+    /// How far the ray went.
+    pub(super) t: f64,
 }
 
 /// What a camera ray hit first.
@@ -55,20 +60,24 @@ pub(super) struct Tracer<'a, 's> {
     pub(super) stream: &'s mut SampleStream,
     pub(super) max_level: u32,
     rays: u32,
+    pub(super) ray_limit: u32,
     pub(super) first: Option<First>,
+    /// Radiosity, where it is on.
+    pub(super) gathering: Option<Gathering<'a>>,
 }
 
 impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn new(world: &'a ClassicWorld, stream: &'s mut SampleStream, max_level: Option<u32>) -> Self {
         let max_level = max_level.unwrap_or(world.settings().max_trace_level).min(256);
-        Self { world, stream, max_level, rays: 0, first: None }
+        let gathering = world.radiosity.as_ref().map(Gathering::finished);
+        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering }
     }
 
     /// Follows a ray of the camera.
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
         let mut inside = Stack::new();
         self.world.world.containing(line.o, &mut |object| inside.push(Within::new(object)));
-        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, split: false };
+        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, split: false };
         self.follow(&ray, max_distance)
     }
 
@@ -79,8 +88,8 @@ impl<'a, 's> Tracer<'a, 's> {
 
     fn follow(&mut self, ray: &Ray, max_distance: f64) -> Traced {
         self.rays += 1;
-        if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > RAY_LIMIT {
-            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+        if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > self.ray_limit {
+            return Traced { color: DVec3::ZERO, alpha: 1.0, t: f64::INFINITY };
         }
         let world = self.world;
         let hit = world.world.nearest(&ray.line, NEAR, max_distance, ray.kind);
@@ -88,7 +97,7 @@ impl<'a, 's> Tracer<'a, 's> {
             Some(hit) => (self.surface(ray, hit), hit.t),
             None => {
                 let (color, alpha) = world.sky(ray.line.d);
-                (Traced { color, alpha }, f64::INFINITY)
+                (Traced { color, alpha, t: f64::INFINITY }, f64::INFINITY)
             }
         };
         if let Some(Within { interior: Some(interior), .. }) = ray.inside.last()
@@ -97,12 +106,21 @@ impl<'a, 's> Tracer<'a, 's> {
             traced.color *= attenuation(interior, t);
         }
         if ray.inside.iter().all(|w| w.hollow) {
+            let group = hit.as_ref().map_or(0, |h| h.object.light_group);
+            if !world.scene.atmosphere.is_empty() || ray.inside.iter().any(|w| w.interior.as_ref().is_some_and(|i| !i.media.is_empty())) {
+                let clear = traced.color;
+                traced.color = self.through_media(clear, &ray.line, t, &ray.inside, group);
+                if gray((traced.color - clear).abs()) > 0.0 {
+                    traced.alpha = 1.0;
+                }
+            }
             let before = traced.color;
             traced.color = world.hazed(before, &ray.line, t);
             if gray((traced.color - before).abs()) > 0.0 {
                 traced.alpha = 1.0;
             }
         }
+        traced.t = t;
         traced
     }
 }

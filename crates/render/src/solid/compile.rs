@@ -153,6 +153,7 @@ impl<'a> Compiler<'a> {
             Solid::JuliaFractal(data) => Arc::as_ptr(data) as usize,
             Solid::SphereSweep(data) => Arc::as_ptr(data) as usize,
             Solid::Text(data) => Arc::as_ptr(data) as usize,
+            Solid::Parametric(data) => Arc::as_ptr(data) as usize,
             _ => return self.make(solid),
         };
         if let Some(made) = self.shared.get(&address) {
@@ -172,6 +173,8 @@ impl<'a> Compiler<'a> {
                 shared(super::quadric::Quadric::new(*squares, *mixed, *linear, *constant))
             }
             Solid::Text(text) => shared(super::text::Text::new(text)),
+            Solid::Isosurface(iso) => shared(super::isosurface::Isosurface::new(iso)),
+            Solid::Parametric(surface) => shared(super::parametric::Parametric::new(surface)),
             _ => super::advanced::make(solid, self.images),
         }
     }

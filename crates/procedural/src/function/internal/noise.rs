@@ -37,20 +37,19 @@ pub(super) fn hetero_mf(at: [f64; 3], p: &[f64]) -> f64 {
     let weights = if p[4] >= 1.0 { p[4].min(16.0) as u32 } else { 0 };
     let mut q = DVec3::from(at);
     let mut value = signed(q, g) + offset;
-    let octave = |q: DVec3, i: f64, value: f64| {
-        let weight: f64 = (0..weights).map(|_| value).product();
-        (signed(q, g) + offset) * fns::pow(lacunarity, -h * i) * weight
-    };
+    let octave = |q: DVec3, i: f64| (signed(q, g) + offset) * fns::pow(lacunarity, -h * i);
     let mut i = 1.0;
     while i < octaves {
         q *= lacunarity;
-        value += octave(q, i, value);
+        let weight: f64 = (0..weights).map(|_| value).product();
+        value += octave(q, i) * weight;
         i += 1.0;
     }
     let rest = octaves - octaves.floor();
     if rest > 0.0 {
         q *= lacunarity;
-        value += rest * octave(q, i, value);
+        // Once, whatever T is.
+        value += rest * octave(q, i) * value;
     }
     value
 }

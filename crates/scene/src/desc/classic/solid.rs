@@ -137,7 +137,7 @@ pub enum Solid {
     /// Surface of a function of space.
     Isosurface(Box<Isosurface>),
     /// Surface of functions of u and v.
-    Parametric(Box<Parametric>),
+    Parametric(Arc<Parametric>),
     /// Envelope of a sphere moving on a curve.
     SphereSweep(Arc<SphereSweep>),
     /// Egg.

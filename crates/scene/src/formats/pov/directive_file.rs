@@ -141,7 +141,8 @@ impl Parser {
         self.expect(")")?;
         self.accept_raw(";")?;
         // The handle goes at the end of the file; a comma after the last value hides the end from the directive that reads it (measured).
-        let is_over = matches!(self.files.open.get(handle), Some(Some(OpenFile::Read(items, comma))) if items.is_empty() && (is_past || !comma));
+        let is_over =
+            matches!(self.files.open.get(handle), Some(Some(OpenFile::Read(items, comma))) if items.is_empty() && (is_past || !comma));
         if is_over {
             self.files.open[handle] = None;
             self.symbols.undef(handle_name);
@@ -161,8 +162,7 @@ impl Parser {
         // Commas may be left out.
         while self.accept(",")? || !self.at(")")? {
             // The word holds for one value, not for those after the next comma (measured).
-            let binary =
-                self.accept_any(&["sint8", "uint8", "sint16be", "sint16le", "uint16be", "uint16le", "sint32be", "sint32le"])?;
+            let binary = self.accept_any(&["sint8", "uint8", "sint16be", "sint16le", "uint16be", "uint16le", "sint32be", "sint32le"])?;
             if self.at_string()? {
                 out.extend_from_slice(self.string_value()?.as_bytes());
                 continue;
@@ -197,7 +197,14 @@ impl Parser {
 /// A float as `#write` has it: six significant digits, as C's `%g` (measured).
 fn written(x: f64) -> String {
     if !x.is_finite() {
-        return if x.is_nan() { "nan" } else if x > 0.0 { "inf" } else { "-inf" }.to_owned();
+        return if x.is_nan() {
+            "nan"
+        } else if x > 0.0 {
+            "inf"
+        } else {
+            "-inf"
+        }
+        .to_owned();
     }
     if x == 0.0 {
         return "0".to_owned();

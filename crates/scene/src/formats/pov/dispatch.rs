@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 use super::expression::COLOR_WORDS;
-use super::lexer::Directive;
 use super::items::OBJECT_WORDS;
+use super::lexer::Directive;
 use super::parser::{Parse, Parser, Token};
 use super::value::{Array, Num, Value};
 

@@ -1,11 +1,11 @@
 //! Functions and variables that words stand for in numeric expressions.
 
-use etendue_procedural::spline::SplineKind;
 use etendue_procedural::{Context, Function, Spline, fns, noise};
 use glam::DVec3;
 use std::sync::Arc;
 
 use super::expression::{rotation, rotation_about};
+use super::items::{SPLINE_WORDS, spline_kind};
 use super::parser::{Parse, Parser, Token};
 use super::value::{Num, Value};
 use crate::desc::classic::Object;
@@ -330,12 +330,8 @@ impl Parser {
         let t = self.full_float()?;
         let mut values = None;
         if self.accept(",")? {
-            let kind = match self.accept_any(&["linear_spline", "quadratic_spline", "cubic_spline", "natural_spline"])? {
-                Some("linear_spline") => SplineKind::Linear,
-                Some("quadratic_spline") => SplineKind::Quadratic,
-                Some("cubic_spline") => SplineKind::Cubic,
-                Some(_) => SplineKind::Natural,
-                None => return Err(self.unexpected("a spline's type")),
+            let Some(kind) = self.accept_any(SPLINE_WORDS)?.and_then(spline_kind) else {
+                return Err(self.unexpected("a call of a spline, where its type may stand"));
             };
             values = Some(s.with_kind(kind).eval(t));
         }

@@ -67,6 +67,9 @@ pub struct Parser {
     pub(super) depth: u32,
     /// Tokens read so far.
     pub(super) work: u64,
+    /// Size of what is being declared, and the nesting at which it began.
+    pub(super) used: super::symbols::Size,
+    pub(super) base_nesting: u32,
     pub(super) begun: std::time::Instant,
     /// Blocks `{ … }` begun so far.
     pub(super) braces: u64,
@@ -108,6 +111,8 @@ impl Parser {
             nesting: 0,
             depth: 0,
             work: 0,
+            used: super::symbols::Size::default(),
+            base_nesting: 0,
             begun: std::time::Instant::now(),
             braces: 0,
             living_elements: Arc::default(),

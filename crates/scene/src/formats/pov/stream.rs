@@ -90,10 +90,11 @@ impl Parser {
             Some((Token::Sign(";"), _)) => self.ahead = None,
             Some(_) => {}
             None => {
-                if let Some(f) = self.frames.last_mut() {
-                    if f.at < f.end && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON) {
-                        f.at += 1;
-                    }
+                if let Some(f) = self.frames.last_mut()
+                    && f.at < f.end
+                    && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON)
+                {
+                    f.at += 1;
                 }
             }
         }
@@ -223,7 +224,7 @@ impl Parser {
             f.at += 1;
         }
         self.work += 1;
-        if self.work % (1 << 20) == 0 {
+        if self.work.is_multiple_of(1 << 20) {
             self.check_time()?;
         }
         if self.work > self.options.work_limit {
@@ -328,6 +329,7 @@ impl Parser {
                 match self.symbols.at(&place) {
                     Some(v) => {
                         let token = Token::Identifier(self.names.text(name), v.clone());
+                        self.use_size(name);
                         self.ahead = Some((token, span));
                     }
                     None => {
@@ -338,10 +340,21 @@ impl Parser {
             }
             Some(value) => {
                 let value = value.clone();
+                if !matches!(value, Value::Float(_) | Value::Vector(_) | Value::String(_)) {
+                    self.use_size(name);
+                }
                 self.ahead = Some((Token::Identifier(self.names.text(name), value), span));
             }
         }
         Ok(())
+    }
+
+    /// Counts a value as part of what is being declared. Right inside of its braces it is what the new value is made of, not a part.
+    fn use_size(&mut self, name: Sym) {
+        let size = self.symbols.size(name);
+        let is_part = self.nesting > self.base_nesting + 1;
+        self.used.depth = self.used.depth.max(size.depth + u32::from(is_part));
+        self.used.weight = self.used.weight.saturating_add(size.weight);
     }
 
     fn tell_deprecation(&mut self, name: Sym, span: Span) {

@@ -36,7 +36,6 @@ pub(super) const WORDS: &[&str] = &[
     "assumed_gamma",
     "atan",
     "atan2",
-   
     "atanh",
     "autostop",
     "average",
@@ -260,7 +259,8 @@ pub(super) const WORDS: &[&str] = &[
     "media_interaction",
     "merge",
     "mesh",
-    "mesh2", "mesh_camera",
+    "mesh2",
+    "mesh_camera",
     "metallic",
     "method",
     "metric",

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use etendue_procedural::Texture;
 use glam::DVec3;
 
-use super::super::{Parse, Parser};
+use super::super::{Parse, Parser, Token, Value};
 use super::pattern::pick;
 use crate::desc::classic::{Mesh, Solid};
 
@@ -187,7 +187,9 @@ impl Parser {
 
     /// Whether a number that is no vector literal follows.
     fn at_scalar(&mut self) -> Parse<bool> {
-        Ok(!self.at("<")? && self.at_float()?)
+        // The next face may stand in a variable as well.
+        let vector = matches!(self.peek()?, Token::Identifier(_, Value::Vector(_)));
+        Ok(!vector && !self.at("<")? && self.at_float()?)
     }
 
     /// Three indices in angle brackets.
