@@ -81,7 +81,39 @@ fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) ->
         TexelData::U8(_) => (0..=255u8).map(|c| decode.apply(f64::from(c) / 255.0)).collect(),
         _ => Vec::new(),
     };
-    Ok(Picture { palette: None, texels, table, decode })
+    let palette = palette_indices(&bytes, [texels.width, texels.height]);
+    Ok(Picture { palette, texels, table, decode })
+}
+
+/// Palette indices, row by row, of GIF and PNG files that have a palette; `None` for others.
+fn palette_indices(bytes: &[u8], size: [u32; 2]) -> Option<Vec<u8>> {
+    let pixels = size[0] as usize * size[1] as usize;
+    if bytes.starts_with(b"GIF8") {
+        let mut options = gif::DecodeOptions::new();
+        options.set_color_output(gif::ColorOutput::Indexed);
+        let mut decoder = options.read_info(bytes).ok()?;
+        let (width, height) = (u32::from(decoder.width()), u32::from(decoder.height()));
+        let frame = decoder.read_next_frame().ok()??;
+        // A first frame that does not cover the picture is rare; without indices colors still work.
+        return ([width, height] == size && frame.buffer.len() == pixels).then(|| frame.buffer.to_vec());
+    }
+    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
+    decoder.set_transformations(png::Transformations::IDENTITY);
+    let mut reader = decoder.read_info().ok()?;
+    let info = reader.info();
+    if info.color_type != png::ColorType::Indexed || [info.width, info.height] != size {
+        return None;
+    }
+    let bits = info.bit_depth as usize;
+    let mut buffer = vec![0; reader.output_buffer_size()?];
+    let frame = reader.next_frame(&mut buffer).ok()?;
+    let (row, width) = (frame.line_size, size[0] as usize);
+    let at = |x: usize, y: usize| {
+        let byte = buffer.get(y * row + x * bits / 8).copied().unwrap_or(0);
+        let shift = 8 - bits - (x * bits) % 8;
+        (byte >> shift) & (0xff >> (8 - bits))
+    };
+    Some((0..size[1] as usize).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect())
 }
 
 impl Images for Pictures {

@@ -1,7 +1,10 @@
 //! Surfaces: layers of a texture under every light, with mirrored and refracted rays.
 
-use etendue_procedural::{Color, Context, Layer};
+use etendue_procedural::noise::{Turbulence, turbulence};
+use etendue_procedural::{Color, Context, Irid, Layer, fns};
 use glam::{DVec2, DVec3};
+
+use std::f64::consts::TAU;
 
 use super::finish::{diffuse, highlights, metallic, reflectance, reflected};
 use super::refract::{beyond, refracted};
@@ -38,6 +41,19 @@ struct Lit {
     d: DVec3,
     color: DVec3,
     highlights: bool,
+}
+
+/// Factors of diffuse light by interference in a thin film: 1 + amount · cos(2π · thickness · (cos θl + cos θv) / λ), with the angles of light
+/// and view; fits measured pictures to four digits.
+fn film(irid: &Irid, world: &ClassicWorld, cos_view: f64, cos_light: f64, p: DVec3) -> DVec3 {
+    let mut thickness = irid.thickness;
+    if irid.turbulence != 0.0 {
+        thickness *= irid.turbulence * turbulence(p, &Turbulence::default(), world.settings().noise_generator);
+    }
+    let phase = TAU * thickness * (cos_view.abs() + cos_light.abs());
+    let wave = |length: f64| 1.0 + irid.amount * fns::cos(phase / length.max(1e-6));
+    let w = world.settings().irid_wavelength;
+    DVec3::new(wave(w.x), wave(w.y), wave(w.z))
 }
 
 impl<'a> Tracer<'a, '_> {
@@ -81,6 +97,7 @@ impl<'a> Tracer<'a, '_> {
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
+        let mut total = None;
         let mut albedo = DVec3::ZERO;
         for layer in stack.layers.iter().rev() {
             let pigment = layer.pigment.color(&context);
@@ -102,7 +119,15 @@ impl<'a> Tracer<'a, '_> {
                 color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
-            let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
+            // Totally reflected light comes whole, whatever the mirror, and takes no color (measured).
+            if total.is_none() {
+                total = Some(ratio < 1.0 && peak(pigment.passing().abs()) > 0.0 && self.is_total(place, n, ratio));
+            }
+            let mirror = if total == Some(true) {
+                DVec3::ZERO
+            } else {
+                reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb)
+            };
             if peak(mirror.abs()) > 0.0 {
                 let weight = ray.weight * peak((passing * mirror).abs());
                 if weight >= settings.adc_bailout {
@@ -124,8 +149,9 @@ impl<'a> Tracer<'a, '_> {
         let mut alpha = 1.0;
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
+            let whole = total == Some(true);
             let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
-            color += passing * beyond.color;
+            color += if whole { beyond.color } else { passing * beyond.color };
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
         Traced { color, alpha: alpha.clamp(0.0, 1.0), t: 0.0 }
@@ -171,7 +197,13 @@ impl<'a> Tracer<'a, '_> {
                 if finish.crand > 0.0 && share > 0.0 {
                     share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
                 }
-                sum += light.color * pigment.rgb * share;
+                let mut answer = DVec3::splat(share);
+                if let Some(irid) = &finish.irid
+                    && irid.amount != 0.0
+                {
+                    answer *= film(irid, self.world, n.dot(place.view), cos, place.hit.p);
+                }
+                sum += light.color * pigment.rgb * answer;
             }
             if shines && light.highlights && (front || both) {
                 let (n, cos) = if front { (n, cos) } else { (-n, -cos) };
@@ -260,6 +292,12 @@ impl<'a> Tracer<'a, '_> {
             split: place.ray.split,
         };
         self.trace(&ray).color
+    }
+
+    /// Whether light is totally reflected at the surface.
+    fn is_total(&self, place: &Place<'a, '_>, n: DVec3, ratio: f64) -> bool {
+        let d = place.ray.line.d;
+        refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio).is_none()
     }
 
     /// What is seen through the surface.

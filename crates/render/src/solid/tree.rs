@@ -365,8 +365,12 @@ impl<'a> Builder<'a> {
             if !inverse.is_finite() {
                 return None;
             }
-            let b = shape.bounds().transformed(&world_from_solid);
-            (Some(Box::new(inverse)), b, shape.inside_bounds().transformed(&world_from_solid))
+            let inside = if shape.inside_bounds() == shape.bounds() {
+                shape.extent(&world_from_solid)
+            } else {
+                shape.inside_bounds().transformed(&world_from_solid)
+            };
+            (Some(Box::new(inverse)), shape.extent(&world_from_solid), inside)
         };
         let m = state.world_from_parent;
         let own_textures = shape.own_textures().iter().map(|t| self.texture(t, &m)).collect();
