@@ -47,6 +47,7 @@ fn fails(text: &str, message: &str) {
 #[test]
 fn as_measured() {
     for (text, said) in [
+        ("#macro M(A,B) #debug concat(str(A,0,0),str(B,0,0)) #end M(1 2)", "12"),
         ("#debug str(version,0,4)", "3.7000"),
         ("#version 3.5; #debug str(version,0,2)", "3.50"),
         ("#declare T=version; #version 3.1; #version T; #debug str(version,0,6)", "3.700000"),

@@ -154,12 +154,17 @@ impl Parser {
         self.comma()?;
         let max_distance = if self.at_float()? { self.float()? } else { 0.0 };
         let mut meshes = Vec::new();
+        let mut smooth = false;
         while !self.accept("}")? {
             self.comma()?;
+            if self.accept("smooth")? {
+                smooth = true;
+                continue;
+            }
             let object = self.object()?;
             meshes.push(Arc::new(object));
         }
-        Ok(MeshCamera { rays_per_pixel, distribution, max_distance, meshes, smooth: false })
+        Ok(MeshCamera { rays_per_pixel, distribution, max_distance, meshes, smooth })
     }
 
     /// Angle, then `look_at`, then transforms.
@@ -176,7 +181,7 @@ impl Parser {
                     camera.direction = camera.direction.normalize_or(DVec3::Z) * length;
                 }
             }
-            CameraKind::Mesh(mesh) => mesh.smooth = smooth,
+            CameraKind::Mesh(mesh) => mesh.smooth |= smooth,
             _ => {}
         }
         if let Some(target) = look_at {
