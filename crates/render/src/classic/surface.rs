@@ -111,9 +111,11 @@ impl<'a> Tracer<'a, '_> {
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
                 let mut glow = finish.emission;
-                if settings.radiosity.is_none() {
+                // Radiosity stands in for ambient light, but in scenes that end in an older version counts beside it (measured).
+                if settings.radiosity.is_none() || settings.version < 370 {
                     glow += finish.ambient * settings.ambient_light;
-                } else if finish.diffuse != 0.0 {
+                }
+                if settings.radiosity.is_some() && finish.diffuse != 0.0 {
                     glow += self.around(place, n) * finish.diffuse;
                 }
                 color += passing * pigment.rgb * glow * opacity;
