@@ -84,8 +84,11 @@ pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args
     let RenderArgs { settings, crop, time, noise, threads, aovs, progress } = args;
     let job_error = |e: JobError| errors::job_error(py, &e, &desc.files, places);
     let (aovs, develop) = parse_aovs(py, &aovs)?;
-    let plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
+    let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
     let stop = stop(py, &settings, &plan, time, noise)?;
+    if stop.spp.is_none() {
+        plan.antialias = None;
+    }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
     let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
     let (worker, pool_desc) = (Arc::clone(&pool), Arc::clone(desc));

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use etendue_procedural::{Color, Finish, Layer, Pigment, Texture};
 use etendue_render::film::Film;
 use etendue_render::session::job::{self, Plan};
-use etendue_render::session::{Cancel, Silent, Stop};
+use etendue_render::session::{Cancel, Session, Silent, Stop};
 use etendue_scene::desc::classic::{Camera, CameraKind, ClassicScene, Fog, GlobalSettings, Light, LightKind, Object, Solid};
 use etendue_scene::{RenderSettings, SceneDesc, Span};
 use glam::DVec3;
@@ -233,5 +233,113 @@ fn hostile_numbers_end() {
             }));
         }
         film(s, [4, 3], 1, 1);
+    }
+}
+
+/// A session of a scene as settings and its own defaults ask for it.
+fn session(scene: ClassicScene, settings: &RenderSettings, crop: Option<[u32; 4]>) -> (Session, Stop) {
+    let mut desc = SceneDesc::new("pov", "test.pov");
+    desc.classic = Some(Box::new(scene));
+    desc.integrator.name = "whitted".to_owned();
+    let plan = Plan::new(&desc, settings, crop).unwrap();
+    let stop = Stop { spp: Some(plan.spp), ..Stop::default() };
+    (job::prepare(&desc, settings, &plan, &[]).unwrap(), stop)
+}
+
+fn render(session: &mut Session, stop: &Stop, threads: usize) -> Film {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build().unwrap();
+    pool.install(|| session.render(stop, &Cancel::default(), &Silent)).unwrap();
+    session.film().clone()
+}
+
+fn sized(width: u32, height: u32) -> RenderSettings {
+    RenderSettings { width: Some(width), height: Some(height), ..RenderSettings::default() }
+}
+
+/// A white half-plane from x = 0.75 on, seen with pixels of 1.
+fn edge() -> ClassicScene {
+    let glow = Finish { ambient: DVec3::ONE, diffuse: 0.0, ..Finish::default() };
+    let corners = [DVec3::new(0.75, -90.0, 0.0), DVec3::new(90.0, 90.0, 1.0)];
+    let mut s = scene(vec![object(Solid::Box { corners }, Color::rgb(1.0, 1.0, 1.0), glow)], Vec::new());
+    [s.camera.right, s.camera.up] = [DVec3::X * 16.0, DVec3::Y * 12.0];
+    s
+}
+
+#[test]
+fn only_edges_are_smoothed() {
+    let (mut session, stop) = session(edge(), &sized(16, 12), None);
+    let film = render(&mut session, &stop, 2);
+    let picture = film.develop();
+    for y in 0..12 {
+        for x in 0..16 {
+            // Both pixels at the edge, whose centers lie on either side of it.
+            assert_eq!(film.sample_count(x, y), if x == 8 || x == 9 { 10 } else { 1 }, "{x} {y}");
+            let value = picture.rgb().unwrap()[(y * 16 + x) as usize][0];
+            let expected = if x < 8 { 0.0 } else { 1.0 };
+            if x != 8 {
+                assert!((value - expected).abs() < 1e-6, "{x} {value}");
+            } else {
+                // The center is dark, 2 to 3 of 9 columns of the samples are bright.
+                assert!((0.15..=0.35).contains(&value), "{value}");
+            }
+        }
+    }
+    for (settings, count) in [
+        (RenderSettings { antialias: Some(0.0), ..sized(16, 12) }, 1),
+        (RenderSettings { spp: Some(3), ..sized(16, 12) }, 3),
+        (RenderSettings { antialias: Some(3.1), ..sized(16, 12) }, 1),
+        (RenderSettings { antialias: Some(0.1), antialias_depth: Some(4), ..sized(16, 12) }, 17),
+    ] {
+        let (mut session, stop) = self::session(edge(), &settings, None);
+        assert_eq!(render(&mut session, &stop, 1).sample_count(9, 5), count);
+    }
+}
+
+#[test]
+fn smoothed_films_do_not_depend_on_threads_and_parts() {
+    let settings = sized(48, 36);
+    let whole = |threads| {
+        let (mut session, stop) = session(mixed(), &settings, None);
+        render(&mut session, &stop, threads)
+    };
+    let one = whole(1);
+    assert_eq!(one.develop(), whole(2).develop());
+    assert!((0..48).any(|x| one.sample_count(x, 18) == 1) && (0..48).any(|x| one.sample_count(x, 18) == 10));
+    // Ranges of samples that begin after the centers trace those of their own accord.
+    let part = |first, count| {
+        let (mut session, _) = session(mixed(), &settings, None);
+        session.set_first_sample(first);
+        render(&mut session, &Stop { spp: Some(count), ..Stop::default() }, 2)
+    };
+    let mut merged = part(4, 6);
+    merged.merge(&part(0, 1)).unwrap();
+    merged.merge(&part(1, 3)).unwrap();
+    assert_eq!(one.develop(), merged.develop());
+    assert_eq!(one.max_sample_count(), merged.max_sample_count());
+    // So do the borders of a part of the picture.
+    let (mut session, stop) = session(mixed(), &settings, Some([11, 7, 30, 29]));
+    let crop = render(&mut session, &stop, 2);
+    for y in 7..29 {
+        for x in 11..30 {
+            assert_eq!(crop.sample_count(x, y), one.sample_count(x, y), "{x} {y}");
+        }
+    }
+}
+
+#[test]
+fn blur_takes_all_samples_and_settings_exclude_each_other() {
+    let mut s = edge();
+    s.camera.blur.aperture = 0.1;
+    s.camera.blur.samples = [4, 9];
+    let (mut session, stop) = session(s, &sized(4, 3), None);
+    assert_eq!(render(&mut session, &stop, 1).sample_count(0, 0), job::CLASSIC_SPP);
+    let mut desc = SceneDesc::new("pov", "test.pov");
+    desc.classic = Some(Box::new(edge()));
+    for settings in [
+        RenderSettings { spp: Some(4), antialias: Some(0.3), ..sized(4, 3) },
+        RenderSettings { antialias_depth: Some(0), ..sized(4, 3) },
+        RenderSettings { antialias_depth: Some(1000), ..sized(4, 3) },
+    ] {
+        assert!(Plan::new(&desc, &settings, None).is_err());
     }
 }

@@ -83,7 +83,11 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let denoise = denoiser.as_ref().map(|d| (d, DenoiseOptions { threads: args.threads, ..DenoiseOptions::default() }));
     let settings = &args.settings.0;
     // Classic scenes follow up to 256 rays into each other.
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(args.threads).stack_size(32 << 20).build().context("the threads could not be started")?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(args.threads)
+        .stack_size(32 << 20)
+        .build()
+        .context("the threads could not be started")?;
     let start = Instant::now();
     let desc = pool.install(|| args.scene.read([settings.width, settings.height]))?;
     if !args.quiet {
@@ -95,6 +99,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         // Without a number of samples, time and noise alone decide.
         stop.spp = None;
         plan.spp = job::DEFAULT_SPP;
+        plan.antialias = None;
     }
     let mut session = pool.install(|| job::prepare(&desc, settings, &plan, &aovs)).map_err(|e| job_error(e, &desc))?;
     let loaded = start.elapsed();

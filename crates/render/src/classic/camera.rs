@@ -137,7 +137,7 @@ impl Rays {
             CameraKind::Mesh(_) => return self.mesh.as_ref()?.line(picture),
         };
         let mut line = Line { o, d: d.normalize_or(self.forward) };
-        if camera.blur.aperture != 0.0 && camera.blur.samples[1] > 0 {
+        if camera.blur.is_on() {
             self.blur(world, &mut line, d, lens);
         }
         if let Some(normal) = &camera.normal {

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
-use super::{Aov, Session};
+use super::{Antialias, Aov, Session};
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
 use crate::integrator;
 use crate::sampler::{Sampler, SamplerKind};
@@ -13,8 +13,14 @@ use crate::scene;
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
-/// The same for scenes of the classic model, which has no noise to speak of: a grid of three by three.
+/// The same for scenes of the classic model whose camera blurs: there every pixel needs several.
 pub const CLASSIC_SPP: u32 = 9;
+/// Threshold of antialiasing for scenes of the classic model.
+pub const CLASSIC_ANTIALIAS: f32 = 0.3;
+/// Rows and columns of samples that antialiasing adds.
+pub const ANTIALIAS_DEPTH: u32 = 3;
+/// Most rows and columns.
+const MAX_ANTIALIAS_DEPTH: u32 = 64;
 /// The size of a picture where neither the user nor the file says.
 pub const DEFAULT_SIZE: [u32; 2] = [1280, 720];
 /// What chooses lights for next-event estimation.
@@ -45,8 +51,10 @@ pub struct Plan {
     pub height: u32,
     /// Pixels to render.
     pub crop: Rect,
-    /// Samples per pixel.
+    /// Samples per pixel; with antialiasing the most of them.
     pub spp: u32,
+    /// Fewer samples where the picture is flat.
+    pub antialias: Option<Antialias>,
     /// Reconstruction filter.
     pub filter: Filter,
     /// Sequence.
@@ -92,7 +100,12 @@ impl Plan {
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
             return Err(JobError::Setting(format!("no light sampler `{name}`; there are {}", LIGHT_SAMPLERS.join(", "))));
         }
-        let spp = settings.spp.or(film.spp).unwrap_or(if desc.classic.is_some() { CLASSIC_SPP } else { DEFAULT_SPP });
+        let antialias = antialias(desc, settings)?;
+        let spp = match (antialias, &desc.classic) {
+            (Some(antialias), _) => antialias.spp(),
+            (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(if classic.camera.blur.is_on() { CLASSIC_SPP } else { 1 }),
+            (None, None) => settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP),
+        };
         if spp == 0 {
             return Err(JobError::Setting("a picture needs at least one sample per pixel".into()));
         }
@@ -100,8 +113,25 @@ impl Plan {
             .integrator
             .clone()
             .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
-        Ok(Self { width, height, crop, spp, filter, sampler, integrator })
+        Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
     }
+}
+
+/// The antialiasing of a picture. A number of samples that is given takes its place, and so does the blur of a camera.
+fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antialias>, JobError> {
+    let is_given = settings.antialias.is_some_and(|t| t > 0.0);
+    if is_given && settings.spp.is_some_and(|n| n > 1) {
+        return Err(JobError::Setting("samples per pixel and antialiasing exclude each other: give `spp` or `antialias`".into()));
+    }
+    let depth = settings.antialias_depth.unwrap_or(ANTIALIAS_DEPTH);
+    if depth == 0 || depth > MAX_ANTIALIAS_DEPTH {
+        return Err(JobError::Setting(format!("antialiasing adds 1 to {MAX_ANTIALIAS_DEPTH} rows of samples, not {depth}")));
+    }
+    let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
+    // A blurred pixel needs its samples even where the picture is flat.
+    let blurs = desc.classic.as_ref().is_some_and(|c| c.camera.blur.is_on());
+    let threshold = if blurs { 0.0 } else { settings.antialias.unwrap_or(default) };
+    Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
 }
 
 fn size(film: &FilmDesc, settings: &RenderSettings) -> Result<(u32, u32), JobError> {
@@ -141,7 +171,8 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     }
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
-    let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp: plan.spp };
+    let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
+    let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
     let spec = FilmSpec { crop: plan.crop, filter: plan.filter, ..FilmSpec::new(plan.width, plan.height) };
     let meta = FilmMeta {
         seed: settings.seed,
@@ -150,7 +181,11 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
         settings_hash: settings_hash(desc, settings, plan),
         ..FilmMeta::default()
     };
-    Ok(Session::new(scene, integrator, sampler, spec, aovs.to_vec(), meta)?)
+    let mut session = Session::new(scene, integrator, sampler, spec, aovs.to_vec(), meta)?;
+    if let Some(antialias) = plan.antialias {
+        session.set_antialias(antialias);
+    }
+    Ok(session)
 }
 
 /// A short text of all settings that samples depend on; films merge only where it is equal.
@@ -158,8 +193,9 @@ fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
     let depth = s.max_depth.or(desc.integrator.max_depth);
     let rr = s.rr_depth.or(desc.integrator.rr_depth);
     let stratified = if plan.sampler == SamplerKind::Stratified { plan.spp } else { 0 };
+    let antialias = plan.antialias.map_or(String::new(), |a| format!(" antialias {}/{}", a.threshold, a.depth));
     format!(
-        "{} {:?}/{stratified} depth {depth:?} rr {rr:?} lights {:?} ao {:?} camera {:?}",
+        "{} {:?}/{stratified} depth {depth:?} rr {rr:?} lights {:?} ao {:?} camera {:?}{antialias}",
         plan.integrator, plan.sampler, s.light_sampler, s.ao_distance, s.camera
     )
 }

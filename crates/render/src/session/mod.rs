@@ -3,9 +3,11 @@
 //! A session hands out work as (tile, range of sample indices), fills small films and merges them into one. The pixels do
 //! not depend on how the work was split: each sample is a function of (seed, pixel, index) and film sums are exact.
 
+mod antialias;
 mod channels;
 pub mod job;
 
+pub use antialias::Antialias;
 pub use channels::{Aov, film_channels};
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,8 +19,9 @@ use rayon::prelude::*;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
 use crate::integrator::{Estimate, Integrator};
 use crate::math::Vec2;
-use crate::sampler::Sampler;
+use crate::sampler::{SampleStream, Sampler};
 use crate::scene::Scene;
+use antialias::Centers;
 
 /// Edge of a tile in pixels.
 const TILE: u32 = 32;
@@ -52,7 +55,7 @@ pub enum Reason {
 /// How far a session is.
 #[derive(Clone, Copy, Debug)]
 pub struct Status {
-    /// Samples per pixel that are complete everywhere.
+    /// Samples per pixel that are complete everywhere, those included that antialiasing does not need.
     pub spp_done: u32,
     /// Samples per pixel that are planned, if that is known.
     pub spp_target: Option<u32>,
@@ -102,6 +105,7 @@ pub struct Session {
     first_sample: u32,
     film: Film,
     order_tiles: Option<fn(&mut Vec<Rect>)>,
+    centers: Option<Centers>,
 }
 
 impl Session {
@@ -122,7 +126,14 @@ impl Session {
         let filter = FilterSampler::new(spec.filter);
         let mut film = Film::new(spec)?;
         film.meta = meta;
-        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film, order_tiles: None })
+        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film, order_tiles: None, centers: None })
+    }
+
+    /// Lets only pixels that differ from a neighbor have more than one sample, which goes through their center. The sampler's number of
+    /// samples should be that of the further ones.
+    pub fn set_antialias(&mut self, antialias: Antialias) {
+        let spec = self.film.spec();
+        self.centers = Some(Centers::new(antialias, self.film.rect(), spec.width, spec.height));
     }
 
     /// Names the scene in the film, so that films of other scenes are refused.
@@ -258,21 +269,57 @@ impl Session {
 
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
         let mut estimate = Estimate::default();
+        let mut neighbor = Estimate::default();
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
                 for index in begin..end {
-                    let mut stream = self.sampler.stream(x, y, index);
-                    let filtered = self.filter.sample(stream.next_2d());
-                    let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
-                    let camera_ray = self.scene.camera.ray(picture, stream.next_2d());
-                    estimate.reset(self.scene.group_names.len());
-                    self.integrator.estimate(&self.scene, &camera_ray, &mut stream, &mut estimate);
+                    let weight = match &self.centers {
+                        None => self.sample(x, y, index, &mut estimate),
+                        Some(centers) if index == 0 => {
+                            self.center(x, y, &mut estimate);
+                            centers.keep(x, y, estimate.radiance);
+                            1.0
+                        }
+                        Some(centers) => {
+                            let trace = |x, y| {
+                                self.center(x, y, &mut neighbor);
+                                neighbor.radiance
+                            };
+                            if !centers.differs(x, y, trace) {
+                                // None of this pixel's further samples is needed.
+                                break;
+                            }
+                            self.sample(x, y, index - 1, &mut estimate)
+                        }
+                    };
                     channels::values(&estimate, &self.aovs, &mut values);
-                    tile.add_sample(x, y, index, filtered.weight, &values);
+                    tile.add_sample(x, y, index, weight, &values);
                 }
             }
         }
+    }
+
+    /// One sample of a pixel; returns its filter weight.
+    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> f32 {
+        let mut stream = self.sampler.stream(x, y, index);
+        let filtered = self.filter.sample(stream.next_2d());
+        let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
+        self.trace(picture, &mut stream, estimate);
+        filtered.weight
+    }
+
+    /// The sample through the center of a pixel. Its random numbers are those of an index that no session comes to.
+    fn center(&self, x: u32, y: u32, estimate: &mut Estimate) {
+        let mut stream = self.sampler.stream(x, y, u32::MAX);
+        let _ = stream.next_2d();
+        self.trace(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), &mut stream, estimate);
+    }
+
+    fn trace(&self, picture: Vec2, stream: &mut SampleStream, estimate: &mut Estimate) {
+        let camera_ray = self.scene.camera.ray(picture, stream.next_2d());
+        estimate.reset(self.scene.group_names.len());
+        self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
 }
 

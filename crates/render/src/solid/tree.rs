@@ -221,7 +221,7 @@ impl<'a> Builder<'a> {
         let key = (Arc::as_ptr(texture) as usize, m.to_cols_array().map(f64::to_bits));
         let (_, moved) = self.textures.entry(key).or_insert_with(|| {
             let mut moved = (**texture).clone();
-            moved.transform(m);
+            moved.move_with_object(m);
             // The original is kept so that its address is not used again.
             (texture.clone(), Arc::new(moved))
         });

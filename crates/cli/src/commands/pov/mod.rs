@@ -12,7 +12,7 @@ use etendue_scene::formats::pov::PovOptions;
 use super::{note, render};
 use crate::exit::{self, coded};
 use frames::Frame;
-use options::Options;
+use options::{Options, Smoothing};
 
 /// Switches, `.ini` files (`file.ini[Section]`), settings (`Width=640`) and a scene, as POV-Ray takes them.
 #[derive(clap::Args)]
@@ -72,7 +72,14 @@ fn render_frame(options: &Options, input: &Path, frame: &Frame) -> anyhow::Resul
     flag("--output", output.into());
     flag("--width", options.width.to_string().into());
     flag("--height", options.height.to_string().into());
-    flag("--spp", options.spp().to_string().into());
+    match options.antialias() {
+        Smoothing::None => flag("--antialias", "0".into()),
+        Smoothing::All { spp } => flag("--spp", spp.to_string().into()),
+        Smoothing::Adaptive { threshold, depth } => {
+            flag("--antialias", threshold.to_string().into());
+            flag("--antialias-depth", depth.to_string().into());
+        }
+    }
     flag("--threads", options.threads.to_string().into());
     if let Some([x0, y0, x1, y1]) = options.crop() {
         flag("--crop", format!("{x0},{y0},{x1},{y1}").into());

@@ -42,8 +42,12 @@ pub struct Options {
     pub is_cyclic: bool,
     /// Whether pixels are smoothed.
     pub antialias: bool,
-    /// Samples in each direction of a smoothed pixel.
+    /// Difference of neighbors from which they are smoothed.
+    pub antialias_threshold: f32,
+    /// Samples in each direction of a smoothed pixel, or its levels of subdivision.
     pub antialias_depth: u32,
+    /// Whether smoothed pixels are divided again and again.
+    pub is_recursive: bool,
     /// Threads; 0 for all.
     pub threads: usize,
     /// First column, first row, last column, last row, from 1; below 1 a share.
@@ -75,7 +79,9 @@ impl Default for Options {
             step: 1,
             is_cyclic: false,
             antialias: false,
+            antialias_threshold: 0.3,
             antialias_depth: 3,
+            is_recursive: false,
             threads: 0,
             part: [None; 4],
             is_quiet: false,
@@ -83,6 +89,25 @@ impl Default for Options {
             ini_depth: 0,
         }
     }
+}
+
+/// What `+A` asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Smoothing {
+    /// One sample of each pixel.
+    None,
+    /// As many of each.
+    All {
+        /// Samples per pixel.
+        spp: u32,
+    },
+    /// More where neighbors differ.
+    Adaptive {
+        /// By how much.
+        threshold: f32,
+        /// Samples in each direction.
+        depth: u32,
+    },
 }
 
 /// Switches and the settings that they stand for; a longer one comes before a shorter one that it begins with.
@@ -128,7 +153,6 @@ const WITHOUT_EFFECT: &[&str] = &[
     "all_console",
     "all_file",
     "antialias_gamma",
-    "antialias_threshold",
     "bits_per_color",
     "bounding",
     "bounding_method",
@@ -189,7 +213,6 @@ const WITHOUT_EFFECT: &[&str] = &[
     "render_console",
     "render_file",
     "render_pattern",
-    "sampling_method",
     "split_unions",
     "statistic_console",
     "statistic_file",
@@ -313,9 +336,8 @@ impl Options {
             "verbose" => self.is_quiet = !flag(value),
             "field_render" if flag(value) => self.warnings.push("fields are rendered as whole frames".to_owned()),
             "field_render" => {}
-            "antialias_threshold" => {
-                number()?;
-            }
+            "antialias_threshold" => self.antialias_threshold = number()? as f32,
+            "sampling_method" => self.is_recursive = number()? == 2.0,
             _ if WITHOUT_EFFECT.contains(&lower.as_str()) => {}
             _ => self.warnings.push(format!("the setting {key}={value} is not known")),
         }
@@ -379,9 +401,15 @@ impl Options {
         if is_found { Ok(()) } else { Err(format!("there is no section [{}]", wanted.unwrap_or_default())) }
     }
 
-    /// Samples of each pixel.
-    pub fn spp(&self) -> u32 {
-        if self.antialias { self.antialias_depth * self.antialias_depth } else { 1 }
+    /// Which pixels get more than one sample.
+    pub fn antialias(&self) -> Smoothing {
+        // The recursive method has up to 2ⁿ samples in a direction; it is stood in for by as many everywhere in the pixel.
+        let depth = if self.is_recursive { 1 << self.antialias_depth.min(3) } else { self.antialias_depth };
+        match self.antialias_threshold {
+            _ if !self.antialias => Smoothing::None,
+            t if !(t > 0.0) => Smoothing::All { spp: depth * depth },
+            threshold => Smoothing::Adaptive { threshold, depth },
+        }
     }
 
     /// The part of the picture to render, as the first pixel and the one after the last.
@@ -465,7 +493,11 @@ mod tests {
             "+MV3.1",
             "-GA",
         ]);
-        assert_eq!((o.width, o.height, o.spp(), o.clock, o.threads, o.version), (640, 480, 4, 0.5, 2, Some(310)));
+        assert_eq!((o.width, o.height, o.clock, o.threads, o.version), (640, 480, 0.5, 2, Some(310)));
+        assert_eq!(o.antialias(), Smoothing::Adaptive { threshold: 0.3, depth: 2 });
+        assert_eq!(of(&["+A", "+AM2", "+R2"]).antialias(), Smoothing::Adaptive { threshold: 0.3, depth: 4 });
+        assert_eq!(of(&["+A0.0"]).antialias(), Smoothing::All { spp: 9 });
+        assert_eq!(of(&["+A0.1", "-A"]).antialias(), Smoothing::None);
         assert_eq!(o.input.as_deref(), Some("scene.pov"));
         assert!(o.warnings.is_empty(), "{:?}", o.warnings);
         assert_eq!(o.output_path(Path::new("scene.pov"), None), Path::new("out.png"));

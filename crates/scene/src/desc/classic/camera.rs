@@ -63,6 +63,13 @@ pub struct FocalBlur {
     pub bokeh: Option<Arc<Pigment>>,
 }
 
+impl FocalBlur {
+    /// Whether anything is blurred.
+    pub fn is_on(&self) -> bool {
+        self.aperture != 0.0 && self.samples[1] > 0
+    }
+}
+
 impl Default for FocalBlur {
     fn default() -> Self {
         Self { aperture: 0.0, samples: [0, 0], focal_point: DVec3::ZERO, confidence: 0.9, variance: 1.0 / 128.0, bokeh: None }

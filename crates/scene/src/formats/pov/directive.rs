@@ -240,10 +240,10 @@ impl Parser {
 
     #[allow(irrefutable_let_patterns)]
     fn default_layer(&mut self, change: impl FnOnce(&mut Layer)) {
-        if let Texture::Layers(layers) = Arc::make_mut(&mut self.default) {
-            if let Some(last) = layers.last_mut() {
-                change(last);
-            }
+        if let Texture::Layers(layers) = Arc::make_mut(&mut self.default)
+            && let Some(last) = layers.last_mut()
+        {
+            change(last);
         }
     }
 }

@@ -295,11 +295,11 @@ impl Parser {
         while !self.accept_raw(")")? {
             let mut parameter = self.raw_name("a macro's parameter")?;
             let mut optional = false;
-            if &*self.names.text(parameter) == "optional" {
-                if let Some(Raw::Name(_)) = self.raw() {
-                    optional = true;
-                    parameter = self.raw_name("a macro's parameter")?;
-                }
+            if &*self.names.text(parameter) == "optional"
+                && let Some(Raw::Name(_)) = self.raw()
+            {
+                optional = true;
+                parameter = self.raw_name("a macro's parameter")?;
             }
             parameters.push((parameter, optional));
             if parameters.len() > PARAMETER_LIMIT {
@@ -378,19 +378,20 @@ impl Parser {
         let span = self.raw_span();
         // Where a comma was left out, the argument's first token has been looked at, and is a value.
         let raw = if self.ahead.is_none() { self.raw() } else { None };
-        if let Some(Raw::Name(name)) = raw {
-            if self.stands_alone() && !matches!(self.symbols.get(name), Some(Value::Macro(_))) {
-                if self.symbols.deprecation(name).is_some() {
-                    let text = self.symbols.deprecation(name).map(|d| d.message.to_string()).unwrap_or_default();
-                    self.warning(span, text);
-                }
-                self.take_raw()?;
-                let mut place = self.symbols.place(name);
-                if self.at_bracket() {
-                    place = self.indices(place, span)?;
-                }
-                return Ok(Argument::Place(place));
+        if let Some(Raw::Name(name)) = raw
+            && self.stands_alone()
+            && !matches!(self.symbols.get(name), Some(Value::Macro(_)))
+        {
+            if self.symbols.deprecation(name).is_some() {
+                let text = self.symbols.deprecation(name).map(|d| d.message.to_string()).unwrap_or_default();
+                self.warning(span, text);
             }
+            self.take_raw()?;
+            let mut place = self.symbols.place(name);
+            if self.at_bracket() {
+                place = self.indices(place, span)?;
+            }
+            return Ok(Argument::Place(place));
         }
         let (value, size) = self.sized_rvalue()?;
         Ok(Argument::Value(value, size))

@@ -53,17 +53,17 @@ impl Files {
             Ok(path) => return Ok((path, false)),
             Err(e) => e,
         };
-        if let Some(folder) = including {
-            if let Ok(path) = self.resolver.resolve(folder, name) {
-                return Ok((path, false));
-            }
+        if let Some(folder) = including
+            && let Ok(path) = self.resolver.resolve(folder, name)
+        {
+            return Ok((path, false));
         }
         let trimmed = name.trim();
         for folder in including.into_iter().chain(self.folders.iter().map(PathBuf::as_path)) {
-            if let Some(other) = other_case(folder, trimmed) {
-                if let Ok(path) = self.resolver.resolve(folder, &other) {
-                    return Ok((path, true));
-                }
+            if let Some(other) = other_case(folder, trimmed)
+                && let Ok(path) = self.resolver.resolve(folder, &other)
+            {
+                return Ok((path, true));
             }
         }
         Err(first)

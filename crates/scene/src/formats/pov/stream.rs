@@ -90,10 +90,11 @@ impl Parser {
             Some((Token::Sign(";"), _)) => self.ahead = None,
             Some(_) => {}
             None => {
-                if let Some(f) = self.frames.last_mut() {
-                    if f.at < f.end && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON) {
-                        f.at += 1;
-                    }
+                if let Some(f) = self.frames.last_mut()
+                    && f.at < f.end
+                    && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON)
+                {
+                    f.at += 1;
                 }
             }
         }
@@ -239,7 +240,7 @@ impl Parser {
             f.at += 1;
         }
         self.work += 1;
-        if self.work % (1 << 20) == 0 {
+        if self.work.is_multiple_of(1 << 20) {
             self.check_time()?;
         }
         if self.work > self.options.work_limit {

@@ -84,10 +84,10 @@ impl Symbols {
     pub(super) fn leave(&mut self) {
         let level = self.level();
         for name in self.scopes.pop().unwrap_or_default() {
-            if let Some(list) = self.bindings.get_mut(name as usize) {
-                if list.last().is_some_and(|b| b.level == level) {
-                    list.pop();
-                }
+            if let Some(list) = self.bindings.get_mut(name as usize)
+                && list.last().is_some_and(|b| b.level == level)
+            {
+                list.pop();
             }
         }
     }
