@@ -6,9 +6,9 @@ use etendue_procedural::fns;
 use etendue_scene::desc::classic::{Interior, Object};
 use glam::DVec3;
 
-/// Tells objects apart: leaves of the world do not move.
+/// Tells objects apart: parts of a combination with one interior are one (measured), and leaves of the world do not move.
 pub(super) fn identity(object: &Object) -> usize {
-    std::ptr::from_ref(object) as usize
+    object.interior.as_ref().map_or(std::ptr::from_ref(object) as usize, |i| Arc::as_ptr(i) as usize)
 }
 
 /// An object that a ray is inside of.
@@ -32,9 +32,8 @@ pub(super) type Stack = Vec<Within>;
 const DEPTH_LIMIT: usize = 100;
 
 /// The stack beyond a surface, and the index of refraction there over that here.
-pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>) -> (Stack, f64) {
-    let ior_of = |i: &Option<Arc<Interior>>| i.as_ref().map_or(1.0, |i| i.ior);
-    let own = if object.interior.is_some() { ior_of(&object.interior) } else { old_ior.unwrap_or(1.0) };
+pub(super) fn beyond(stack: &Stack, object: &Object) -> (Stack, f64) {
+    let own = object.interior.as_ref().map_or(1.0, |i| i.ior);
     let mut next = stack.clone();
     let id = identity(object);
     let outside = |s: &Stack| s.iter().rev().find_map(|w| w.interior.as_ref().map(|i| i.ior)).unwrap_or(1.0);

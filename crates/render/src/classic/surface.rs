@@ -2,6 +2,8 @@
 
 use etendue_procedural::noise::{Turbulence, turbulence};
 use etendue_procedural::{Color, Context, Irid, Layer, fns};
+use arrayvec::ArrayVec;
+use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
 use std::f64::consts::TAU;
@@ -54,6 +56,12 @@ fn film(irid: &Irid, world: &ClassicWorld, cos_view: f64, cos_light: f64, p: DVe
     let wave = |length: f64| 1.0 + irid.amount * fns::cos(phase / length.max(1e-6));
     let w = world.settings().irid_wavelength;
     DVec3::new(wave(w.x), wave(w.y), wave(w.z))
+/// Most layers of a texture whose mirrors count.
+const MIRRORS: usize = 32;
+
+/// Where light goes on behind a surface with the perturbed normal `n` over `flat`; `None` where it is totally reflected.
+fn through(d: DVec3, n: DVec3, flat: DVec3, ratio: f64) -> Option<DVec3> {
+    if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { flat }, ratio) }
 }
 
 impl<'a> Tracer<'a, '_> {
@@ -92,13 +100,13 @@ impl<'a> Tracer<'a, '_> {
         let ray = place.ray;
         let settings = world.settings();
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
-        let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
-        let (next, ratio) = beyond(&ray.inside, place.hit.object, old);
+        let (next, ratio) = beyond(&ray.inside, place.hit.object);
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
         let mut total = None;
         let mut albedo = DVec3::ZERO;
+        let mut mirrors: ArrayVec<(DVec3, DVec3, &Finish), MIRRORS> = ArrayVec::new();
         for layer in stack.layers.iter().rev() {
             let pigment = layer.pigment.color(&context);
             let n = match &layer.normal {
@@ -136,6 +144,10 @@ impl<'a> Tracer<'a, '_> {
                     let seen = self.mirrored(place, n, weight);
                     color += passing * mirror * reflected(&finish.reflection, seen);
                 }
+            let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
+            let share = passing * mirror;
+            if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
+                let _ = mirrors.try_push((share, n, finish));
             }
             passing *= pigment.passing();
             if finish.conserve_energy {
@@ -149,11 +161,24 @@ impl<'a> Tracer<'a, '_> {
             first.albedo += albedo * stack.weight;
         }
         let mut alpha = 1.0;
+        let n = top_normal.unwrap_or(place.n);
+        if peak(passing.abs()) > 0.0 && through(ray.line.d, n, place.n, ratio).is_none() {
+            // Light that is totally reflected is not colored, and there is no other mirror (measured).
+            mirrors.clear();
+            color += self.mirrored(place, n, ray.weight);
+            passing = DVec3::ZERO;
+        }
+        for (share, n, finish) in mirrors {
+            let seen = self.mirrored(place, n, ray.weight * peak(share.abs()));
+            color += share * reflected(&finish.reflection, seen);
+        }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
             let whole = total == Some(true);
             let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
             color += if whole { beyond.color } else { passing * beyond.color };
+            let beyond = self.beyond(place, n, next, ratio, weight);
+            color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
         Traced { color, alpha: alpha.clamp(0.0, 1.0), t: 0.0 }
@@ -306,10 +331,7 @@ impl<'a> Tracer<'a, '_> {
     fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: super::refract::Stack, ratio: f64, weight: f64) -> Traced {
         let ray = place.ray;
         let d = ray.line.d;
-        let through = if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio) };
-        let Some(through) = through else {
-            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0, t: 0.0 };
-        };
+        let through = through(d, n, place.n, ratio).unwrap_or(d);
         let line = Line { o: place.hit.p, d: through.normalize_or(d) };
         // Rays that go straight on do not count as a level of their own, but take one to be there (measured).
         if ray.level + 1 >= self.max_level {

@@ -75,7 +75,10 @@ impl Parser {
         }
         self.expect_raw("=", "a declaration")?;
         let old = self.set_barrier();
-        let value = self.sized_rvalue();
+        let value = match self.sized_rvalue() {
+            Ok(value) => self.finish_macros().map(|()| value),
+            Err(stop) => Err(stop),
+        };
         self.lift_barrier(old);
         let (value, size) = value?;
         self.check_size(&value, size, &place, span)?;
