@@ -121,11 +121,14 @@ struct Above {
     cutaway: Option<usize>,
 }
 
+/// Originals and moved copies, by the original's address and the matrix.
+type Moved<T> = HashMap<(usize, [u64; 16]), (Arc<T>, Arc<T>)>;
+
 /// Builds a [`Tree`].
 pub(super) struct Builder<'a> {
     tree: Tree,
     compiler: Compiler<'a>,
-    textures: HashMap<(usize, [u64; 16]), (Arc<Texture>, Arc<Texture>)>,
+    textures: Moved<Texture>,
     /// Leaves that wait for the number of a combination, and those numbers.
     cutaways: Vec<Option<NodeId>>,
 }
