@@ -3,7 +3,7 @@
 use etendue_procedural::{Color, Context, Layer};
 use glam::{DVec2, DVec3};
 
-use super::finish::{diffuse, highlights, metallic, reflectance, reflected};
+use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
 use super::refract::{beyond, refracted};
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
@@ -90,7 +90,7 @@ impl<'a> Tracer<'a, '_> {
             };
             top_normal.get_or_insert(n);
             let finish = &*layer.finish;
-            let opacity = pigment.opacity().max(0.0);
+            let opacity = opacity(&pigment, settings.version);
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
                 let mut glow = finish.emission;
@@ -157,9 +157,13 @@ impl<'a> Tracer<'a, '_> {
         let lights = place.lights.take().unwrap_or_default();
         let both = place.hit.object.double_illuminate;
         let mut sum = DVec3::ZERO;
+        let settings = self.world.settings();
+        let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
+        let wavelengths = settings.irid_wavelength;
         for light in &lights {
             let cos = n.dot(light.d);
             let front = light.d.dot(place.n) > 0.0;
+            let mut answer = DVec3::ZERO;
             if scatters {
                 let share = if front {
                     diffuse(finish, finish.diffuse, cos.max(0.0))
@@ -171,15 +175,19 @@ impl<'a> Tracer<'a, '_> {
                 if finish.crand > 0.0 && share > 0.0 {
                     share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
                 }
-                sum += light.color * pigment.rgb * share;
+                answer += light.color * pigment.rgb * share;
             }
             if shines && light.highlights && (front || both) {
                 let (n, cos) = if front { (n, cos) } else { (-n, -cos) };
                 let strength = highlights(finish, n, light.d, place.view);
                 if strength != 0.0 {
-                    sum += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
+                    answer += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
                 }
             }
+            if let Some(film) = film {
+                answer *= iridescence(&film, n.dot(light.d), n.dot(place.view), wavelengths);
+            }
+            sum += answer;
         }
         place.lights = Some(lights);
         sum

@@ -21,8 +21,8 @@ pub mod curve;
 mod disc;
 pub mod height_field;
 mod hypercomplex;
-pub mod julia;
 pub mod isosurface;
+pub mod julia;
 pub mod lathe;
 #[cfg(test)]
 mod measured;
