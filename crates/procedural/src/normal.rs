@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::{BlendMap, Context, ImageMap, Pattern, PatternKind, noise, noise_cells, pattern};
+use crate::noise_cells::Waves;
+use crate::{BlendMap, Context, ImageMap, Pattern, PatternKind, noise, pattern};
 
 /// A normal perturbation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -112,11 +113,11 @@ impl Normal {
             PatternKind::Quilted { control0, control1 } => n + self.amount * pattern::quilted_vector(p, *control0, *control1),
             PatternKind::Ripples => {
                 let wave = &self.pattern.wave;
-                n + self.amount * noise_cells::TEN_WAVES.ripples_vector(p, wave.frequency, wave.phase)
+                n + self.amount * Waves::new(inner.number_of_waves).ripples_vector(p, wave.frequency, wave.phase)
             }
             PatternKind::Waves => {
                 let wave = &self.pattern.wave;
-                n + self.amount * noise_cells::TEN_WAVES.waves_vector(p, wave.frequency, wave.phase)
+                n + self.amount * Waves::new(inner.number_of_waves).waves_vector(p, wave.frequency, wave.phase)
             }
             _ => self.bend_by_gradient(n, inner, |value| value),
         }

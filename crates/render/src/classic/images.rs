@@ -1,10 +1,10 @@
 //! Pictures that textures and height fields use, decoded into the working space.
 
 use etendue_procedural::{Color, ImageId, Images};
-use etendue_scene::desc::classic::{ClassicImage, GlobalSettings};
+use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma};
 
-use super::gamma::{WorkingSpace, linear_from_srgb};
-use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels};
+use super::gamma::WorkingSpace;
+use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels, palette_indices};
 
 /// A decoded picture.
 struct Picture {
@@ -13,24 +13,62 @@ struct Picture {
     table: Vec<f64>,
     decode: Decode,
     palette: Option<Vec<u8>>,
+    premultiplied: bool,
 }
 
 /// How a file's color numbers become numbers of the working space.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Decode {
     AsIs,
-    Power(f64, WorkingSpace),
-    Srgb(WorkingSpace),
-    Linear(WorkingSpace),
+    /// From one space to another.
+    Between(WorkingSpace, WorkingSpace),
 }
 
 impl Decode {
+    /// What the numbers of a picture mean, all of it measured.
+    fn new(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace, kind: FileKind) -> Self {
+        // Scenes without gamma compute as if linear, whatever is made of their numbers in the end.
+        let space = if settings.gamma_given || settings.version >= 370 { space } else { WorkingSpace::Linear };
+        let target = if image.content == ImageContent::Data { WorkingSpace::Linear } else { space };
+        match (image.gamma, image.content, kind) {
+            (Some(ImageGamma::Power(g)), ..) if g == 1.0 => Self::Between(WorkingSpace::Linear, target),
+            (Some(ImageGamma::Power(g)), ..) if g > 0.0 && g.is_finite() => Self::Between(WorkingSpace::Power(g), target),
+            (Some(ImageGamma::Srgb), ..) => Self::Between(WorkingSpace::Srgb, target),
+            (_, ImageContent::Data | ImageContent::OldColors, _) | (_, _, FileKind::Bare) => Self::AsIs,
+            (_, _, FileKind::Linear) => Self::Between(WorkingSpace::Linear, target),
+            (_, _, FileKind::Srgb) => Self::Between(WorkingSpace::Srgb, target),
+        }
+    }
+
     fn apply(self, v: f64) -> f64 {
         match self {
             Self::AsIs => v,
-            Self::Power(g, space) => space.from_linear(WorkingSpace::Power(g).linear(v)),
-            Self::Srgb(space) => space.from_linear(linear_from_srgb(v)),
-            Self::Linear(space) => space.from_linear(v),
+            Self::Between(from, to) if from == to => v,
+            Self::Between(from, to) => to.from_linear(from.linear(v)),
+        }
+    }
+}
+
+/// What kinds of files mean by their numbers where nobody says it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum FileKind {
+    /// PNG, JPEG, GIF, BMP, TGA.
+    Srgb,
+    /// PPM, PGM, TIFF: numbers of the working space.
+    Bare,
+    /// OpenEXR, Radiance.
+    Linear,
+}
+
+impl FileKind {
+    fn new(bytes: &[u8], texels: &Texels) -> Self {
+        let starts = |marks: &[&[u8]]| marks.iter().any(|m| bytes.starts_with(m));
+        if matches!(texels.data, TexelData::F16(_) | TexelData::F32(_)) {
+            Self::Linear
+        } else if starts(&[b"P1", b"P2", b"P3", b"P4", b"P5", b"P6", b"P7", b"II*\0", b"MM\0*"]) {
+            Self::Bare
+        } else {
+            Self::Srgb
         }
     }
 }
@@ -66,54 +104,13 @@ fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) ->
     let bytes = std::fs::read(&image.path)?;
     let extension = image.path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let texels = Texels::from_bytes(&bytes, extension.as_deref(), Some(ColorEncoding::Linear), ReadLimits::default())?;
-    let float = matches!(texels.data, TexelData::F16(_) | TexelData::F32(_));
-    // Without gamma handling (old scenes that do not ask for it) numbers are taken as they are.
-    let off = !settings.gamma_given && settings.version < 370;
-    let decode = match image.gamma {
-        Some(_) if off => Decode::AsIs,
-        Some(g) if g == 1.0 => Decode::Linear(space),
-        Some(g) if g > 0.0 => Decode::Power(g, space),
-        _ if off => Decode::AsIs,
-        _ if float => Decode::Linear(space),
-        _ => Decode::Srgb(space),
-    };
+    let decode = Decode::new(image, settings, space, FileKind::new(&bytes, &texels));
     let table = match texels.data {
         TexelData::U8(_) => (0..=255u8).map(|c| decode.apply(f64::from(c) / 255.0)).collect(),
         _ => Vec::new(),
     };
-    let palette = palette_indices(&bytes, [texels.width, texels.height]);
-    Ok(Picture { palette, texels, table, decode })
-}
-
-/// Palette indices, row by row, of GIF and PNG files that have a palette; `None` for others.
-fn palette_indices(bytes: &[u8], size: [u32; 2]) -> Option<Vec<u8>> {
-    let pixels = size[0] as usize * size[1] as usize;
-    if bytes.starts_with(b"GIF8") {
-        let mut options = gif::DecodeOptions::new();
-        options.set_color_output(gif::ColorOutput::Indexed);
-        let mut decoder = options.read_info(bytes).ok()?;
-        let (width, height) = (u32::from(decoder.width()), u32::from(decoder.height()));
-        let frame = decoder.read_next_frame().ok()??;
-        // A first frame that does not cover the picture is rare; without indices colors still work.
-        return ([width, height] == size && frame.buffer.len() == pixels).then(|| frame.buffer.to_vec());
-    }
-    let mut decoder = png::Decoder::new(std::io::Cursor::new(bytes));
-    decoder.set_transformations(png::Transformations::IDENTITY);
-    let mut reader = decoder.read_info().ok()?;
-    let info = reader.info();
-    if info.color_type != png::ColorType::Indexed || [info.width, info.height] != size {
-        return None;
-    }
-    let bits = info.bit_depth as usize;
-    let mut buffer = vec![0; reader.output_buffer_size()?];
-    let frame = reader.next_frame(&mut buffer).ok()?;
-    let (row, width) = (frame.line_size, size[0] as usize);
-    let at = |x: usize, y: usize| {
-        let byte = buffer.get(y * row + x * bits / 8).copied().unwrap_or(0);
-        let shift = 8 - bits - (x * bits) % 8;
-        (byte >> shift) & (0xff >> (8 - bits))
-    };
-    Some((0..size[1] as usize).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| at(x, y)).collect())
+    let palette = palette_indices(&bytes).filter(|indices| indices.len() == texels.width as usize * texels.height as usize);
+    Ok(Picture { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) })
 }
 
 impl Images for Pictures {
@@ -143,12 +140,54 @@ impl Images for Pictures {
                 ([r, g, b].map(|v| p.decode.apply(v)), a)
             }
         };
-        Color { rgb: rgb.into(), filter: 0.0, transmit: 1.0 - alpha }
+        let rgb = glam::DVec3::from(rgb);
+        let rgb = if p.premultiplied && alpha > 0.0 { rgb / alpha } else { rgb };
+        Color { rgb, filter: 0.0, transmit: 1.0 - alpha }
     }
 
     fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
         let p = self.get(image)?;
         let palette = p.palette.as_ref()?;
         palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Values of `image_map` and of `image_pattern` where the file says 128, by POV-Ray 3.7.0.10.
+    #[test]
+    fn numbers_as_measured() {
+        use FileKind::{Bare, Srgb};
+        use ImageContent::{Colors, Data, OldColors};
+        let power = |g| Some(ImageGamma::Power(g));
+        for (version, assumed, content, gamma, kind, expected) in [
+            (370, Some(1.0), Colors, None, Srgb, 0.215_86),
+            (370, Some(1.0), Colors, None, Bare, 0.501_96),
+            (370, Some(2.2), Colors, None, Srgb, 0.498_14),
+            (370, Some(2.2), Colors, None, Bare, 0.501_96),
+            (360, Some(1.0), OldColors, None, Srgb, 0.501_96),
+            (360, Some(2.2), OldColors, None, Srgb, 0.501_96),
+            (360, None, OldColors, None, Srgb, 0.501_96),
+            (370, None, Colors, None, Srgb, 0.215_86),
+            (370, Some(1.0), Colors, power(1.0), Srgb, 0.501_96),
+            (370, Some(2.2), Colors, power(1.0), Srgb, 0.731_04),
+            (370, Some(2.2), Colors, power(2.2), Srgb, 0.501_96),
+            (360, Some(2.2), OldColors, power(1.0), Srgb, 0.731_04),
+            (360, Some(2.2), OldColors, Some(ImageGamma::Srgb), Srgb, 0.498_14),
+            (360, None, OldColors, power(2.2), Bare, 0.219_52),
+            (370, Some(1.0), Data, None, Srgb, 0.501_96),
+            (370, Some(2.2), Data, None, Srgb, 0.501_96),
+            (370, Some(2.2), Data, power(2.2), Srgb, 0.219_52),
+            (360, None, Data, Some(ImageGamma::Srgb), Srgb, 0.215_86),
+        ] {
+            let assumed_gamma = assumed.unwrap_or(1.0);
+            let settings = GlobalSettings { version, gamma_given: assumed.is_some(), assumed_gamma, ..GlobalSettings::default() };
+            let span = etendue_scene::Span::default();
+            let image = ClassicImage { path: "a.png".into(), span, gamma, content, premultiplied: None };
+            let found = Decode::new(&image, &settings, WorkingSpace::new(&settings), kind).apply(128.0 / 255.0);
+            assert!((found - expected).abs() < 2e-5, "{version} {assumed:?} {content:?} {gamma:?} {kind:?}: {found} is not {expected}");
+        }
     }
 }

@@ -81,7 +81,14 @@ impl ClassicWorld {
 
     /// Where textures are evaluated: a bare point, with what evaluation needs.
     fn context(&self, p: DVec3) -> Context<'_> {
-        Context { images: Some(&self.pictures), inside: Some(self), noise_generator: self.scene.settings.noise_generator, ..Context::at(p) }
+        let settings = self.settings();
+        Context {
+            images: Some(&self.pictures),
+            inside: Some(self),
+            noise_generator: settings.noise_generator,
+            number_of_waves: settings.number_of_waves,
+            ..Context::at(p)
+        }
     }
 
     /// One sample: the light that comes through a point of the picture (in pixels) and of the lens.

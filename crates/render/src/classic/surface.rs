@@ -1,14 +1,10 @@
 //! Surfaces: layers of a texture under every light, with mirrored and refracted rays.
 
-use etendue_procedural::noise::{Turbulence, turbulence};
-use etendue_procedural::{Color, Context, Irid, Layer, fns};
 use arrayvec::ArrayVec;
 use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
-use std::f64::consts::TAU;
-
-use super::finish::{diffuse, highlights, metallic, reflectance, reflected};
+use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
 use super::refract::{beyond, refracted};
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
@@ -45,17 +41,6 @@ struct Lit {
     highlights: bool,
 }
 
-/// Factors of diffuse light by interference in a thin film: 1 + amount · cos(2π · thickness · (cos θl + cos θv) / λ), with the angles of light
-/// and view; fits measured pictures to four digits.
-fn film(irid: &Irid, world: &ClassicWorld, cos_view: f64, cos_light: f64, p: DVec3) -> DVec3 {
-    let mut thickness = irid.thickness;
-    if irid.turbulence != 0.0 {
-        thickness *= irid.turbulence * turbulence(p, &Turbulence::default(), world.settings().noise_generator);
-    }
-    let phase = TAU * thickness * (cos_view.abs() + cos_light.abs());
-    let wave = |length: f64| 1.0 + irid.amount * fns::cos(phase / length.max(1e-6));
-    let w = world.settings().irid_wavelength;
-    DVec3::new(wave(w.x), wave(w.y), wave(w.z))
 /// Most layers of a texture whose mirrors count.
 const MIRRORS: usize = 32;
 
@@ -115,7 +100,7 @@ impl<'a> Tracer<'a, '_> {
             };
             top_normal.get_or_insert(n);
             let finish = &*layer.finish;
-            let opacity = pigment.opacity().max(0.0);
+            let opacity = opacity(&pigment, settings.version);
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
                 let mut glow = finish.emission;
@@ -210,9 +195,13 @@ impl<'a> Tracer<'a, '_> {
         let lights = place.lights.take().unwrap_or_default();
         let both = place.hit.object.double_illuminate;
         let mut sum = DVec3::ZERO;
+        let settings = self.world.settings();
+        let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
+        let wavelengths = settings.irid_wavelength;
         for light in &lights {
             let cos = n.dot(light.d);
             let front = light.d.dot(place.n) > 0.0;
+            let mut answer = DVec3::ZERO;
             if scatters {
                 let share = if front {
                     diffuse(finish, finish.diffuse, cos.max(0.0))
@@ -224,21 +213,19 @@ impl<'a> Tracer<'a, '_> {
                 if finish.crand > 0.0 && share > 0.0 {
                     share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
                 }
-                let mut answer = DVec3::splat(share);
-                if let Some(irid) = &finish.irid
-                    && irid.amount != 0.0
-                {
-                    answer *= film(irid, self.world, n.dot(place.view), cos, place.hit.p);
-                }
-                sum += light.color * pigment.rgb * answer;
+                answer += light.color * pigment.rgb * share;
             }
             if shines && light.highlights && (front || both) {
                 let (n, cos) = if front { (n, cos) } else { (-n, -cos) };
                 let strength = highlights(finish, n, light.d, place.view);
                 if strength != 0.0 {
-                    sum += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
+                    answer += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
                 }
             }
+            if let Some(film) = film {
+                answer *= iridescence(&film, n.dot(light.d), n.dot(place.view), wavelengths);
+            }
+            sum += answer;
         }
         place.lights = Some(lights);
         sum

@@ -38,8 +38,32 @@ pub struct ClassicImage {
     pub path: PathBuf,
     /// Where the file names it.
     pub span: Span,
-    /// Exponent that turns file values into the working space (`gamma` of an image map); `None` by the file's own kind.
-    pub gamma: Option<f64>,
+    /// What the scene says that the file's numbers mean (`gamma`).
+    pub gamma: Option<ImageGamma>,
+    /// What the numbers are for.
+    pub content: ImageContent,
+    /// Colors are stored multiplied with alpha (`premultiplied`); `None` by the file's own kind.
+    pub premultiplied: Option<bool>,
+}
+
+/// `gamma` of a picture: how its numbers become linear light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ImageGamma {
+    /// By a power.
+    Power(f64),
+    /// Through the sRGB transfer function.
+    Srgb,
+}
+
+/// What a picture's numbers are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ImageContent {
+    /// Colors, decoded by the file's kind and brought to the working space.
+    Colors,
+    /// Colors of a scene before version 3.7: as they are where no gamma is given.
+    OldColors,
+    /// Heights, pattern values and indices: as they are where no gamma is given, and never brought to the working space.
+    Data,
 }
 
 /// What a scene of the classic model says.

@@ -14,7 +14,7 @@ use super::options::PovOptions;
 use super::random::Streams;
 use super::stream::{Barrier, Block, Frame};
 use super::symbols::Symbols;
-use crate::desc::classic::ClassicScene;
+use crate::desc::classic::{ClassicImage, ClassicScene, ImageContent, ImageGamma};
 use crate::report::Report;
 use crate::span::Span;
 
@@ -334,10 +334,16 @@ impl Parser {
     }
 
     /// Registers a picture by the name in the file, looked up in the scene's folder and the search path.
-    pub fn image(&mut self, name: &str, span: Span, gamma: Option<f64>) -> Parse<etendue_procedural::ImageId> {
+    pub fn image(
+        &mut self,
+        name: &str,
+        span: Span,
+        content: ImageContent,
+        (gamma, premultiplied): (Option<ImageGamma>, Option<bool>),
+    ) -> Parse<etendue_procedural::ImageId> {
         let path = self.find_file(name, IMAGE_EXTENSIONS, span)?;
-        let image = crate::desc::classic::ClassicImage { path, span, gamma };
-        let same = self.scene.images.iter().position(|i| i.path == image.path && i.gamma == image.gamma);
+        let image = ClassicImage { path, span, gamma, content, premultiplied };
+        let same = self.scene.images.iter().position(|i| ClassicImage { span, ..i.clone() } == image);
         let at = same.unwrap_or_else(|| {
             self.scene.images.push(image);
             self.scene.images.len() - 1

@@ -4,6 +4,7 @@ use etendue_procedural::ImageMap;
 use etendue_procedural::image_map::{Channel, Interpolation, Projection};
 
 use super::super::{Parse, Parser, Token};
+use crate::desc::classic::{ImageContent, ImageGamma};
 
 /// Most palette entries that may be given a transparency.
 const PALETTE_LIMIT: usize = 65_536;
@@ -11,10 +12,10 @@ const PALETTE_LIMIT: usize = 65_536;
 const FILE_TYPES: &[&str] = &["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff"];
 
 impl Parser {
-    /// The block after `image_map` or `image_pattern`.
-    pub(super) fn image_map_block(&mut self) -> Parse<ImageMap> {
+    /// The block after `image_map` or, with `is_data`, `image_pattern`.
+    pub(super) fn image_map_block(&mut self, is_data: bool) -> Parse<ImageMap> {
         self.expect("{")?;
-        let (map, _) = self.image_map_items()?;
+        let (map, _) = self.image_map_items(is_data)?;
         self.expect("}")?;
         Ok(map)
     }
@@ -22,19 +23,25 @@ impl Parser {
     /// The block after `bump_map`, with its `bump_size`.
     pub(super) fn bump_map_block(&mut self) -> Parse<(ImageMap, Option<f64>)> {
         self.expect("{")?;
-        let items = self.image_map_items()?;
+        let items = self.image_map_items(true)?;
         self.expect("}")?;
         Ok(items)
     }
 
-    /// The items of a bitmap, up to what is none of them.
-    pub(super) fn image_map_items(&mut self) -> Parse<(ImageMap, Option<f64>)> {
+    /// The items of a bitmap of colors or data, up to what is none of them.
+    pub(super) fn image_map_items(&mut self, is_data: bool) -> Parse<(ImageMap, Option<f64>)> {
+        // The version at the place of the picture counts (measured).
+        let content = match self.version() {
+            _ if is_data => ImageContent::Data,
+            ..370 => ImageContent::OldColors,
+            _ => ImageContent::Colors,
+        };
         let mut map = ImageMap::new(0);
         let (mut found, mut bump_size) = (false, None);
         let start = self.span();
         loop {
             if self.accept_any(FILE_TYPES)?.is_some() || matches!(self.peek()?, Token::Text(_)) {
-                map.image = self.image_file()?;
+                map.image = self.image_file(content)?;
                 found = true;
                 continue;
             }
@@ -96,21 +103,23 @@ impl Parser {
         Ok((map, bump_size))
     }
 
-    fn image_file(&mut self) -> Parse<etendue_procedural::ImageId> {
+    fn image_file(&mut self, content: ImageContent) -> Parse<etendue_procedural::ImageId> {
         let span = self.span();
         let name = self.string()?;
-        let mut gamma = None;
+        let options = self.image_options()?;
+        self.image(&name, span, content, options)
+    }
+
+    /// `gamma` and `premultiplied` after the name of a picture.
+    pub(super) fn image_options(&mut self) -> Parse<(Option<ImageGamma>, Option<bool>)> {
+        let (mut gamma, mut premultiplied) = (None, None);
         while let Some(word) = self.accept_any(&["gamma", "premultiplied"])? {
             match word {
-                "gamma" => gamma = Some(if self.accept("srgb")? { 2.2 } else { self.float()? }),
-                _ => {
-                    if self.flag()? {
-                        self.loss(span, "premultiplied", "the picture is read as its kind of file says");
-                    }
-                }
+                "gamma" => gamma = Some(if self.accept("srgb")? { ImageGamma::Srgb } else { ImageGamma::Power(self.float()?) }),
+                _ => premultiplied = Some(self.flag()?),
             }
         }
-        self.image(&name, span, gamma)
+        Ok((gamma, premultiplied))
     }
 
     /// What follows `filter` or `transmit`: `all` or a palette index, and the amount.

@@ -7,8 +7,8 @@ use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::super::{Parse, Parser};
 use crate::desc::classic::{
-    BicubicPatch, Blob, BlobComponent, BlobKind, CurveKind, HeightField, HeightSource, JuliaFractal, JuliaFunction, Object, Prism, Solid,
-    SphereSweep, SweepKind,
+    BicubicPatch, Blob, BlobComponent, BlobKind, CurveKind, HeightField, HeightSource, ImageContent, JuliaFractal, JuliaFunction, Object,
+    Prism, Solid, SphereSweep, SweepKind,
 };
 use crate::span::Span;
 
@@ -174,17 +174,8 @@ impl Parser {
             self.accept_any(&["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff", "bmp"])?;
             let at = self.span();
             let name = self.string()?;
-            let mut gamma = 1.0;
-            loop {
-                if self.accept("gamma")? {
-                    gamma = if self.accept("srgb")? { 2.2 } else { self.float()? };
-                } else if self.accept("premultiplied")? {
-                    self.flag()?;
-                } else {
-                    break;
-                }
-            }
-            HeightSource::Image(self.image(&name, at, Some(gamma))?)
+            let options = self.image_options()?;
+            HeightSource::Image(self.image(&name, at, ImageContent::Data, options)?)
         };
         let mut field = HeightField { source, smooth: false, water_level: 0.0 };
         loop {

@@ -108,7 +108,7 @@ impl Parser {
             *texture = Texture::Patterned(Box::new(PatternedTexture::new(pattern, TextureFill::List(Arc::new(list)))));
         } else if self.accept("material_map")? {
             self.expect("{")?;
-            let (image, _) = self.image_map_items()?;
+            let (image, _) = self.image_map_items(true)?;
             let mut list = Vec::new();
             while self.peek_word()? == Some("texture") {
                 list.push(self.texture_block()?);
