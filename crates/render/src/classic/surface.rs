@@ -89,7 +89,6 @@ impl<'a> Tracer<'a, '_> {
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
-        let mut total = None;
         let mut albedo = DVec3::ZERO;
         let mut mirrors: ArrayVec<(DVec3, DVec3, &Finish), MIRRORS> = ArrayVec::new();
         for layer in stack.layers.iter().rev() {
@@ -114,21 +113,6 @@ impl<'a> Tracer<'a, '_> {
                 color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
-            // Totally reflected light comes whole, whatever the mirror, and takes no color (measured).
-            if total.is_none() {
-                total = Some(ratio < 1.0 && peak(pigment.passing().abs()) > 0.0 && self.is_total(place, n, ratio));
-            }
-            let mirror = if total == Some(true) {
-                DVec3::ZERO
-            } else {
-                reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb)
-            };
-            if peak(mirror.abs()) > 0.0 {
-                let weight = ray.weight * peak((passing * mirror).abs());
-                if weight >= settings.adc_bailout {
-                    let seen = self.mirrored(place, n, weight);
-                    color += passing * mirror * reflected(&finish.reflection, seen);
-                }
             let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
             let share = passing * mirror;
             if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
@@ -159,9 +143,6 @@ impl<'a> Tracer<'a, '_> {
         }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let whole = total == Some(true);
-            let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
-            color += if whole { beyond.color } else { passing * beyond.color };
             let beyond = self.beyond(place, n, next, ratio, weight);
             color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
@@ -306,12 +287,6 @@ impl<'a> Tracer<'a, '_> {
             split: place.ray.split,
         };
         self.trace(&ray).color
-    }
-
-    /// Whether light is totally reflected at the surface.
-    fn is_total(&self, place: &Place<'a, '_>, n: DVec3, ratio: f64) -> bool {
-        let d = place.ray.line.d;
-        refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio).is_none()
     }
 
     /// What is seen through the surface.

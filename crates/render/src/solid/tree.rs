@@ -135,12 +135,7 @@ pub(super) struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     pub(super) fn new(images: Option<&'a dyn Images>) -> Self {
-        Self {
-            tree: Tree::default(),
-            compiler: Compiler::new(images),
-            textures: HashMap::new(),
-            cutaways: Vec::new(),
-        }
+        Self { tree: Tree::default(), compiler: Compiler::new(images), textures: HashMap::new(), cutaways: Vec::new() }
     }
 
     /// Adds a top-level object.
