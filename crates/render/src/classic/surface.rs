@@ -5,7 +5,7 @@ use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
 use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
-use super::refract::{beyond, refracted};
+use super::refract::{Stack, band_color, beyond, refracted};
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, RayKind, SolidHit};
@@ -85,7 +85,8 @@ impl<'a> Tracer<'a, '_> {
         let ray = place.ray;
         let settings = world.settings();
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
-        let (next, ratio) = beyond(&ray.inside, place.hit.object);
+        let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
+        let (next, ratio) = beyond(&ray.inside, place.hit.object, old, ray.band);
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
@@ -143,7 +144,10 @@ impl<'a> Tracer<'a, '_> {
         }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let beyond = self.beyond(place, n, next, ratio, weight);
+            let beyond = match self.colors(place) {
+                Some(colors) => self.split(place, n, old, colors, weight),
+                _ => self.beyond(place, n, next, ratio, ray.band, weight),
+            };
             color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
@@ -284,13 +288,32 @@ impl<'a> Tracer<'a, '_> {
             weight,
             inside: place.ray.inside.clone(),
             gather: place.ray.gather,
-            split: place.ray.split,
+            band: place.ray.band,
         };
         self.trace(&ray).color
     }
 
+    /// Into how many colors the surface splits light.
+    fn colors(&self, place: &Place<'a, '_>) -> Option<u32> {
+        let interior = place.hit.object.interior.as_ref()?;
+        (place.ray.band.is_none() && interior.dispersion != 1.0).then_some(interior.dispersion_samples.clamp(2, 1000))
+    }
+
+    /// What is seen through a surface that splits light: each color goes its own way.
+    fn split(&mut self, place: &Place<'a, '_>, n: DVec3, old: Option<f64>, colors: u32, weight: f64) -> Traced {
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
+        for i in 0..colors {
+            let band = Some((f64::from(i) + 0.5) / f64::from(colors));
+            let (next, ratio) = beyond(&place.ray.inside, place.hit.object, old, band);
+            let seen = self.beyond(place, n, next, ratio, band, weight);
+            sum.color += seen.color * band_color(i, colors);
+            sum.alpha += seen.alpha / f64::from(colors);
+        }
+        sum
+    }
+
     /// What is seen through the surface.
-    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: super::refract::Stack, ratio: f64, weight: f64) -> Traced {
+    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: Stack, ratio: f64, band: Option<f64>, weight: f64) -> Traced {
         let ray = place.ray;
         let d = ray.line.d;
         let through = through(d, n, place.n, ratio).unwrap_or(d);
@@ -300,7 +323,7 @@ impl<'a> Tracer<'a, '_> {
             return Traced { color: DVec3::ZERO, alpha: 1.0, t: 0.0 };
         }
         let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
-        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, split: ray.split };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, band };
         self.trace(&on)
     }
 }
