@@ -171,7 +171,8 @@ impl<'a> Tracer<'a, '_> {
         let finish = &*layer.finish;
         let shines = place.ray.gather == 0 && (finish.phong != 0.0 || finish.specular != 0.0);
         let scatters = opacity != 0.0 && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
-        if !shines && !scatters {
+        let unseen = self.gathering.as_ref().is_some_and(|g| !g.sees_lights(place.ray.gather));
+        if unseen || !shines && !scatters {
             return DVec3::ZERO;
         }
         if place.lights.is_none() {

@@ -73,6 +73,11 @@ impl<'a, 's> Tracer<'a, 's> {
         Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering }
     }
 
+    /// Rays followed so far.
+    pub(super) fn rays(&self) -> u32 {
+        self.rays
+    }
+
     /// Follows a ray of the camera.
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
         let mut inside = Stack::new();
@@ -105,7 +110,7 @@ impl<'a, 's> Tracer<'a, 's> {
         {
             traced.color *= attenuation(interior, t);
         }
-        if ray.inside.iter().all(|w| w.hollow) {
+        if ray.inside.iter().all(|w| w.hollow) && self.gathering.as_ref().is_none_or(|g| g.sees_media(ray.gather)) {
             let group = hit.as_ref().map_or(0, |h| h.object.light_group);
             if !world.scene.atmosphere.is_empty() || ray.inside.iter().any(|w| w.interior.as_ref().is_some_and(|i| !i.media.is_empty())) {
                 let clear = traced.color;
