@@ -1,13 +1,22 @@
 //! Pictures that textures and height fields use, decoded into the working space.
 
+use std::sync::Arc;
+
 use etendue_procedural::{Color, ImageId, Images};
-use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma};
+use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma, ImageSource};
 
 use super::gamma::WorkingSpace;
 use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels, palette_indices};
 
-/// A decoded picture.
-struct Picture {
+/// A picture of a file or of a function.
+enum Picture {
+    Read(Decoded),
+    /// Columns, and colors row by row.
+    Made(u32, Arc<Vec<Color>>),
+}
+
+/// A decoded file.
+struct Decoded {
     texels: Texels,
     /// Color numbers in the working space by 8-bit code; empty for other data.
     table: Vec<f64>,
@@ -87,7 +96,9 @@ impl Pictures {
             .map(|image| match read(image, settings, space) {
                 Ok(picture) => Some(picture),
                 Err(e) => {
-                    faults.push(format!("{}: {e}", image.path.display()));
+                    if let ImageSource::File(path) = &image.source {
+                        faults.push(format!("{}: {e}", path.display()));
+                    }
                     None
                 }
             })
@@ -101,8 +112,12 @@ impl Pictures {
 }
 
 fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) -> Result<Picture, crate::image::ImageError> {
-    let bytes = std::fs::read(&image.path)?;
-    let extension = image.path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let path = match &image.source {
+        ImageSource::File(path) => path,
+        ImageSource::Made { width, colors } => return Ok(Picture::Made(*width, Arc::clone(colors))),
+    };
+    let bytes = std::fs::read(path)?;
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let texels = Texels::from_bytes(&bytes, extension.as_deref(), Some(ColorEncoding::Linear), ReadLimits::default())?;
     let decode = Decode::new(image, settings, space, FileKind::new(&bytes, &texels));
     let table = match texels.data {
@@ -110,16 +125,26 @@ fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) ->
         _ => Vec::new(),
     };
     let palette = palette_indices(&bytes).filter(|indices| indices.len() == texels.width as usize * texels.height as usize);
-    Ok(Picture { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) })
+    Ok(Picture::Read(Decoded { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) }))
 }
 
 impl Images for Pictures {
     fn size(&self, image: ImageId) -> Option<[u32; 2]> {
-        self.get(image).map(|p| [p.texels.width, p.texels.height])
+        self.get(image).map(|p| match p {
+            Picture::Read(p) => [p.texels.width, p.texels.height],
+            Picture::Made(width, colors) => [*width, (colors.len() / (*width).max(1) as usize) as u32],
+        })
     }
 
     fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
-        let Some(p) = self.get(image) else { return Color::default() };
+        let p = match self.get(image) {
+            None => return Color::default(),
+            Some(Picture::Made(width, colors)) => {
+                let at = y as usize * *width as usize + x as usize;
+                return colors.get(at).filter(|_| x < *width).copied().unwrap_or_default();
+            }
+            Some(Picture::Read(p)) => p,
+        };
         if x >= p.texels.width || y >= p.texels.height {
             return Color::default();
         }
@@ -146,7 +171,7 @@ impl Images for Pictures {
     }
 
     fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
-        let p = self.get(image)?;
+        let Picture::Read(p) = self.get(image)? else { return None };
         let palette = p.palette.as_ref()?;
         palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
     }
@@ -185,7 +210,7 @@ mod tests {
             let assumed_gamma = assumed.unwrap_or(1.0);
             let settings = GlobalSettings { version, gamma_given: assumed.is_some(), assumed_gamma, ..GlobalSettings::default() };
             let span = etendue_scene::Span::default();
-            let image = ClassicImage { path: "a.png".into(), span, gamma, content, premultiplied: None };
+            let image = ClassicImage { source: ImageSource::File("a.png".into()), span, gamma, content, premultiplied: None };
             let found = Decode::new(&image, &settings, WorkingSpace::new(&settings), kind).apply(128.0 / 255.0);
             assert!((found - expected).abs() < 2e-5, "{version} {assumed:?} {content:?} {gamma:?} {kind:?}: {found} is not {expected}");
         }

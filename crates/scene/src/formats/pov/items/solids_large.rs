@@ -289,7 +289,7 @@ impl Parser {
 
 /// A function's value as one of 65536 levels. Values beyond 0 to 1 wrap around, whole numbers above 0 to 1 (measured: 2 gives 1, −1 gives 0,
 /// 1.25 gives 0.25).
-fn height_level(value: f64) -> f64 {
+pub(super) fn height_level(value: f64) -> f64 {
     let part = value - value.floor();
     let part = if part == 0.0 && value > 0.0 { 1.0 } else { part };
     if part.is_finite() { (part * 65535.0).floor() / 65535.0 } else { 0.0 }
