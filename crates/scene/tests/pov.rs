@@ -20,6 +20,16 @@ fn debug(text: &str) -> Result<String, String> {
 }
 
 #[test]
+fn semicolons_after_macros_that_are_values() {
+    let text = r#"
+        #macro Twice(V) #if (1) #local R = array[2] { V, 2*V } #end R #end
+        #macro Ball(V) #local A = Twice(V); #local B = Twice(-V); sphere { 0, A[1] } #debug str(A[1] + B[0], 0, 0) #end
+        union { Ball(1) Ball(3) }
+    "#;
+    is(text, "13");
+}
+
+#[test]
 fn expressions() {
     let text = r#"
         #declare A = 2+3*4;

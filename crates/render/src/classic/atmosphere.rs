@@ -20,15 +20,12 @@ impl ClassicWorld {
         let mut passing = DVec3::ONE;
         let mut opaque = 0.0;
         if let Some(sky) = &self.scene.sky {
-            // Before version 3.7, layers of a sky do not filter those below them (measured).
             let old = self.settings().version < 370;
             for (i, pigment) in sky.pigments.iter().enumerate().rev() {
-                let mut c = pigment.color(&Context { ray: d, ..self.context(d) });
-                if old && i > 0 {
-                    c = Color { filter: 0.0, transmit: c.filter + c.transmit, ..c };
-                }
+                let c = pigment.color(&Context { ray: d, ..self.context(d) });
                 color += passing * c.rgb * c.opacity().max(0.0) * sky.emission;
-                passing *= c.passing();
+                // Before version 3.7 `filter` passed like `transmit` from pigment to pigment, but not to the background (measured).
+                passing *= if old && i > 0 { DVec3::splat(c.filter + c.transmit) } else { c.passing() };
                 opaque = 1.0;
                 if passing == DVec3::ZERO {
                     return (color, 1.0);

@@ -283,7 +283,7 @@ impl<'a> Tracer<'a, '_> {
                 depth: DEPTH_LIMIT - 20,
                 weight: 1.0,
                 inside: inside.clone(),
-                split: false,
+                band: None,
                 gather: level as u32 + 1,
             };
             let traced = self.trace(&ray);

@@ -96,7 +96,10 @@ impl<'a> Tracer<'a, '_> {
                 // The way inside: back to where the ray entered, or to the lit point.
                 let entry = passes[..i].iter().rev().find(|e| e.identity == pass.identity && e.cos < 0.0);
                 let from = entry.map_or(0.0, |e| e.t);
-                passing *= attenuation(interior, pass.t - from);
+                // Only whole ways fade, and only with a power (both measured).
+                if entry.is_some() && interior.fade_power > 0.0 {
+                    passing *= attenuation(interior, pass.t - from);
+                }
                 if pass.hollow && !interior.media.is_empty() {
                     passing *= world.media_passing(&interior.media, &line, [from, pass.t]);
                 }

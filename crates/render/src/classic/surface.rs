@@ -1,10 +1,11 @@
 //! Surfaces: layers of a texture under every light, with mirrored and refracted rays.
 
-use etendue_procedural::{Color, Context, Layer};
+use arrayvec::ArrayVec;
+use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
 use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
-use super::refract::{beyond, refracted};
+use super::refract::{Stack, band_color, beyond, refracted};
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, RayKind, SolidHit};
@@ -38,6 +39,14 @@ struct Lit {
     d: DVec3,
     color: DVec3,
     highlights: bool,
+}
+
+/// Most layers of a texture whose mirrors count.
+const MIRRORS: usize = 32;
+
+/// Where light goes on behind a surface with the perturbed normal `n` over `flat`; `None` where it is totally reflected.
+fn through(d: DVec3, n: DVec3, flat: DVec3, ratio: f64) -> Option<DVec3> {
+    if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { flat }, ratio) }
 }
 
 impl<'a> Tracer<'a, '_> {
@@ -77,11 +86,12 @@ impl<'a> Tracer<'a, '_> {
         let settings = world.settings();
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
-        let (next, ratio) = beyond(&ray.inside, place.hit.object, old);
+        let (next, ratio) = beyond(&ray.inside, place.hit.object, old, ray.band);
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
         let mut albedo = DVec3::ZERO;
+        let mut mirrors: ArrayVec<(DVec3, DVec3, &Finish), MIRRORS> = ArrayVec::new();
         for layer in stack.layers.iter().rev() {
             let pigment = layer.pigment.color(&context);
             let n = match &layer.normal {
@@ -94,21 +104,20 @@ impl<'a> Tracer<'a, '_> {
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
                 let mut glow = finish.emission;
-                if settings.radiosity.is_none() {
+                // Radiosity stands in for ambient light, but in scenes that end in an older version counts beside it (measured).
+                if settings.radiosity.is_none() || settings.version < 370 {
                     glow += finish.ambient * settings.ambient_light;
-                } else if finish.diffuse != 0.0 {
+                }
+                if settings.radiosity.is_some() && finish.diffuse != 0.0 {
                     glow += self.around(place, n) * finish.diffuse;
                 }
                 color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
             let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
-            if peak(mirror.abs()) > 0.0 {
-                let weight = ray.weight * peak((passing * mirror).abs());
-                if weight >= settings.adc_bailout {
-                    let seen = self.mirrored(place, n, weight);
-                    color += passing * mirror * reflected(&finish.reflection, seen);
-                }
+            let share = passing * mirror;
+            if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
+                let _ = mirrors.try_push((share, n, finish));
             }
             passing *= pigment.passing();
             if finish.conserve_energy {
@@ -122,9 +131,23 @@ impl<'a> Tracer<'a, '_> {
             first.albedo += albedo * stack.weight;
         }
         let mut alpha = 1.0;
+        let n = top_normal.unwrap_or(place.n);
+        if peak(passing.abs()) > 0.0 && through(ray.line.d, n, place.n, ratio).is_none() {
+            // Light that is totally reflected is not colored, and there is no other mirror (measured).
+            mirrors.clear();
+            color += self.mirrored(place, n, ray.weight);
+            passing = DVec3::ZERO;
+        }
+        for (share, n, finish) in mirrors {
+            let seen = self.mirrored(place, n, ray.weight * peak(share.abs()));
+            color += share * reflected(&finish.reflection, seen);
+        }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
+            let beyond = match self.colors(place) {
+                Some(colors) => self.split(place, n, old, colors, weight),
+                _ => self.beyond(place, n, next, ratio, ray.band, weight),
+            };
             color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
@@ -265,26 +288,42 @@ impl<'a> Tracer<'a, '_> {
             weight,
             inside: place.ray.inside.clone(),
             gather: place.ray.gather,
-            split: place.ray.split,
+            band: place.ray.band,
         };
         self.trace(&ray).color
     }
 
+    /// Into how many colors the surface splits light.
+    fn colors(&self, place: &Place<'a, '_>) -> Option<u32> {
+        let interior = place.hit.object.interior.as_ref()?;
+        (place.ray.band.is_none() && interior.dispersion != 1.0).then_some(interior.dispersion_samples.clamp(2, 1000))
+    }
+
+    /// What is seen through a surface that splits light: each color goes its own way.
+    fn split(&mut self, place: &Place<'a, '_>, n: DVec3, old: Option<f64>, colors: u32, weight: f64) -> Traced {
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
+        for i in 0..colors {
+            let band = Some((f64::from(i) + 0.5) / f64::from(colors));
+            let (next, ratio) = beyond(&place.ray.inside, place.hit.object, old, band);
+            let seen = self.beyond(place, n, next, ratio, band, weight);
+            sum.color += seen.color * band_color(i, colors);
+            sum.alpha += seen.alpha / f64::from(colors);
+        }
+        sum
+    }
+
     /// What is seen through the surface.
-    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: super::refract::Stack, ratio: f64, weight: f64) -> Traced {
+    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: Stack, ratio: f64, band: Option<f64>, weight: f64) -> Traced {
         let ray = place.ray;
         let d = ray.line.d;
-        let through = if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio) };
-        let Some(through) = through else {
-            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0, t: 0.0 };
-        };
+        let through = through(d, n, place.n, ratio).unwrap_or(d);
         let line = Line { o: place.hit.p, d: through.normalize_or(d) };
         // Rays that go straight on do not count as a level of their own, but take one to be there (measured).
         if ray.level + 1 >= self.max_level {
             return Traced { color: DVec3::ZERO, alpha: 1.0, t: 0.0 };
         }
         let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
-        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, split: ray.split };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, band };
         self.trace(&on)
     }
 }

@@ -30,8 +30,8 @@ pub(super) struct Ray {
     pub(super) inside: Stack,
     /// How often light between diffuse surfaces was gathered on its way: 0 from the camera.
     pub(super) gather: u32,
-    /// Its light has been split by dispersion already.
-    pub(super) split: bool,
+    /// Its color, where light has been split by dispersion: from 0 for red to 1 for violet.
+    pub(super) band: Option<f64>,
 }
 
 /// What a ray brings.
@@ -77,7 +77,7 @@ impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
         let mut inside = Stack::new();
         self.world.world.containing(line.o, &mut |object| inside.push(Within::new(object)));
-        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, split: false };
+        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, band: None };
         self.follow(&ray, max_distance)
     }
 

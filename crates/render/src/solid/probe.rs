@@ -2,11 +2,15 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use etendue_scene::desc::classic::Object;
+use etendue_scene::desc::classic::{Object, Solid};
 use etendue_scene::formats::pov::Probe;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
-use super::{Line, RayKind, World};
+use super::compile::{Compiler, Shape};
+use super::{Bounds, Line, Primitive, RayKind, World};
+
+/// Sides of boxes without bound (as measured).
+const BEYOND: f64 = 1e10;
 
 /// Prepared objects that are kept.
 const KEPT: usize = 64;
@@ -52,7 +56,32 @@ impl Probe for WorldProbe {
     }
 
     fn extent(&self, object: &Arc<Object>) -> (DVec3, DVec3) {
-        let b = self.world(object).bounds();
-        if b.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (b.min, b.max) }
+        let b = extent(object, &mut Compiler::new(None), false);
+        if b.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (b.min.max(DVec3::splat(-BEYOND)), b.max.min(DVec3::splat(BEYOND))) }
     }
+}
+
+/// The box of an object: boxes of parts joined or cut in the space of their parent, then moved as boxes, clips left out (as measured).
+/// `cut`: as part of an intersection, where half-spaces along axes count.
+fn extent(object: &Object, compiler: &mut Compiler, cut: bool) -> Bounds {
+    let m = DAffine3::from_mat4(object.world_from_solid);
+    let own = match &object.solid {
+        Solid::Union(parts) | Solid::Merge(parts) => parts.iter().fold(Bounds::EMPTY, |b, p| b.union(extent(p, compiler, cut))),
+        Solid::Intersection(parts) => parts.iter().fold(Bounds::INFINITE, |b, p| b.intersection(extent(p, compiler, true))),
+        Solid::Difference(parts) => parts.first().map_or(Bounds::EMPTY, |p| extent(p, compiler, true)),
+        // Pictures of heights are not read yet when scripts ask.
+        Solid::HeightField(_) => Bounds::of(DVec3::ZERO, DVec3::ONE),
+        solid => match compiler.shape(solid) {
+            None => Bounds::EMPTY,
+            Some(shape) if cut => return turned(shape.inside_bounds().transformed(&m), object.inverse),
+            Some(Shape::Plane(_)) => Bounds::INFINITE,
+            Some(shape) => return turned(shape.extent(&m), object.inverse && cut),
+        },
+    };
+    turned(own.transformed(&m), object.inverse && cut)
+}
+
+/// Turned inside out, a shape reaches everywhere.
+fn turned(b: Bounds, inverse: bool) -> Bounds {
+    if inverse { Bounds::INFINITE } else { b }
 }

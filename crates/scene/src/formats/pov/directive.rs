@@ -75,7 +75,10 @@ impl Parser {
         }
         self.expect_raw("=", "a declaration")?;
         let old = self.set_barrier();
-        let value = self.sized_rvalue();
+        let value = match self.sized_rvalue() {
+            Ok(value) => self.finish_macros().map(|()| value),
+            Err(stop) => Err(stop),
+        };
         self.lift_barrier(old);
         let (value, size) = value?;
         self.check_size(&value, size, &place, span)?;
@@ -93,7 +96,12 @@ impl Parser {
     pub(super) fn sized_rvalue(&mut self) -> Parse<(Value, Size)> {
         let outer = (std::mem::take(&mut self.used), std::mem::replace(&mut self.base_nesting, self.nesting), self.work);
         let value = self.rvalue();
-        let size = Size { depth: self.used.depth, weight: self.used.weight.saturating_add(self.work - outer.2) };
+        // Objects know their own depth: unions that grow in loops stay flat.
+        let depth = match &value {
+            Ok(Value::Object(o)) => self.used.depth.min(o.depth.saturating_add(1)),
+            _ => self.used.depth,
+        };
+        let size = Size { depth, weight: self.used.weight.saturating_add(self.work - outer.2) };
         // An argument of a macro may become part of what is being declared around the call.
         self.used.depth = size.depth.max(outer.0.depth);
         self.used.weight = size.weight.saturating_add(outer.0.weight);

@@ -530,14 +530,15 @@ fn combine(a: Num, b: Num, f: impl Fn(f64, f64) -> f64) -> Num {
     Num { v, len }
 }
 
+/// Comparisons: all but `<` and `>` take close numbers for equal (measured).
 fn compare(op: &str, a: f64, b: f64) -> f64 {
     let equal = (a - b).abs() < EPSILON;
     f64::from(u8::from(match op {
-        "<" => a < b && !equal,
+        "<" => a < b,
         "<=" => a < b || equal,
         "=" => equal,
         ">=" => a > b || equal,
-        ">" => a > b && !equal,
+        ">" => a > b,
         _ => !equal,
     }))
 }

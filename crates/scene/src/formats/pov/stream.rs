@@ -101,6 +101,22 @@ impl Parser {
         self.barrier = old;
     }
 
+    /// Leaves macros whose last token was the value of a declaration, so that its semicolon is next.
+    pub(super) fn finish_macros(&mut self) -> Parse<()> {
+        while self.ahead.is_none() && self.frames.len() > self.barrier.frames {
+            match self.raw() {
+                None => self.leave_frame()?,
+                Some(Raw::Directive { kind, next, end }) => {
+                    let span = self.raw_span();
+                    self.take_raw()?;
+                    self.directive(kind, next, end, span)?;
+                }
+                Some(_) => break,
+            }
+        }
+        Ok(())
+    }
+
     fn stopped_by_barrier(&self) -> bool {
         let b = &self.barrier;
         b.active && b.taken && b.frames == self.frames.len() && b.blocks == self.blocks.len() && b.nesting == self.nesting

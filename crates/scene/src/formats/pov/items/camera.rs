@@ -19,7 +19,7 @@ struct Words {
     look_at: Option<DVec3>,
     /// `angle` was written, perhaps without a number (orthographic).
     angle_word: bool,
-    /// `right` or `up` was written.
+    /// `right` or `up` was written, here or in the camera that this one is a copy of.
     size_word: bool,
     smooth: bool,
     transform: Option<DMat4>,
@@ -59,6 +59,7 @@ impl Parser {
         let mut words = Words::default();
         if let Some(camera) = self.accept_value(|v| if let Value::Camera(c) = v { Some(c.clone()) } else { None })? {
             words.camera = Arc::unwrap_or_clone(camera);
+            words.size_word = true;
         }
         while !self.accept("}")? {
             if let Some(word) = self.accept_any(WORDS)? {
@@ -219,7 +220,8 @@ fn aim(camera: &mut Camera, target: DVec3, sky: DVec3) {
         return;
     }
     let [direction, right, up] = [camera.direction.length(), camera.right.length(), camera.up.length()];
-    let mirrored = camera.up.cross(camera.direction).dot(camera.right) < 0.0;
+    // Vectors in one plane count as mirrored (measured).
+    let mirrored = !(camera.up.cross(camera.direction).dot(camera.right) > 0.0);
     let aside = sky.cross(forward);
     // Looking along the sky vector there is no horizon to keep level: the old right stays.
     let aside = if aside.length() > 1e-10 * sky.length() { aside.normalize() } else { camera.right.normalize_or(DVec3::X) };

@@ -50,11 +50,13 @@ impl Parser {
             "clipped_by" => {
                 self.next()?;
                 let mut clips = self.shared_shapes("bounded_by", &object.bounded_by)?;
+                self.grow(object, &clips)?;
                 object.clipped_by.append(&mut clips);
             }
             "bounded_by" => {
                 self.next()?;
                 let mut bounds = self.shared_shapes("clipped_by", &object.clipped_by)?;
+                self.grow(object, &bounds)?;
                 object.bounded_by.append(&mut bounds);
             }
             "inverse" => {
@@ -182,6 +184,15 @@ impl Parser {
             return Ok(other.to_vec());
         }
         self.objects_to_brace()
+    }
+
+    /// Counts clips and bounds among an object's parts.
+    fn grow(&mut self, object: &mut Object, shapes: &[Arc<Object>]) -> Parse<()> {
+        for shape in shapes {
+            object.leaves = object.leaves.saturating_add(shape.leaves);
+            object.depth = object.depth.max(shape.depth.saturating_add(1));
+        }
+        self.check_size_of(object)
     }
 
     /// `photons { … }` of an object.

@@ -134,7 +134,8 @@ fn combinations_and_modifiers() {
     assert_eq!(o.photons.target, Some(2.0));
     assert_eq!((o.photons.reflection, o.photons.refraction, o.photons.no_collect), (Some(true), Some(false), true));
     assert_eq!(o.clipped_by, o.bounded_by);
-    assert_eq!((o.leaves, o.depth), (2, 1));
+    // The clip and the bound count as well.
+    assert_eq!((o.leaves, o.depth), (4, 1));
     // Grown step by step, unions stay flat.
     let grown = one(
         "#declare A = union { sphere { 0, 1 } } #for (I, 1, 1000) #declare A = union { object { A } sphere { I, 1 } } #end object { A }",
@@ -150,6 +151,8 @@ fn hostile_objects() {
     let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 60) #declare A = union { object { A scale 2 } object { A } } #end";
     assert!(fault(text).contains("primitives"));
     let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 600) #declare A = merge { object { A } } #end";
+    assert!(fault(text).contains("deep"));
+    let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 600) #declare A = box { 0, 1 clipped_by { object { A } } } #end";
     assert!(fault(text).contains("deep"));
     assert!(fault("mesh2 { vertex_vectors { 1e12, 0 } }").contains("between 0 and"));
     assert!(fault("polygon { -1, 0 }").contains("between 0 and"));
