@@ -1,9 +1,10 @@
 //! Pictures that textures and height fields use, decoded into the working space.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock, PoisonError, RwLock};
 
 use etendue_procedural::{Color, ImageId, Images};
 use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma, ImageSource};
+use glam::DVec3;
 
 use super::gamma::WorkingSpace;
 use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels, palette_indices};
@@ -128,31 +129,41 @@ fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) ->
     Ok(Picture::Read(Decoded { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) }))
 }
 
-impl Images for Pictures {
-    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
-        self.get(image).map(|p| match p {
-            Picture::Read(p) => [p.texels.width, p.texels.height],
-            Picture::Made(width, colors) => [*width, (colors.len() / (*width).max(1) as usize) as u32],
-        })
+impl Picture {
+    fn size(&self) -> [u32; 2] {
+        match self {
+            Self::Read(p) => [p.texels.width, p.texels.height],
+            Self::Made(width, colors) => [*width, (colors.len() / (*width).max(1) as usize) as u32],
+        }
     }
 
-    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
-        let p = match self.get(image) {
-            None => return Color::default(),
-            Some(Picture::Made(width, colors)) => {
+    fn pixel(&self, x: u32, y: u32) -> Color {
+        match self {
+            Self::Read(p) => p.pixel(x, y),
+            Self::Made(width, colors) => {
                 let at = y as usize * *width as usize + x as usize;
-                return colors.get(at).filter(|_| x < *width).copied().unwrap_or_default();
+                colors.get(at).filter(|_| x < *width).copied().unwrap_or_default()
             }
-            Some(Picture::Read(p)) => p,
-        };
-        if x >= p.texels.width || y >= p.texels.height {
+        }
+    }
+
+    fn index(&self, x: u32, y: u32) -> Option<u32> {
+        let Self::Read(p) = self else { return None };
+        let palette = p.palette.as_ref()?;
+        palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
+    }
+}
+
+impl Decoded {
+    fn pixel(&self, x: u32, y: u32) -> Color {
+        if x >= self.texels.width || y >= self.texels.height {
             return Color::default();
         }
-        let (rgb, alpha) = match &p.texels.data {
-            TexelData::U8(data) if p.table.len() == 256 => {
-                let n = p.texels.channels as usize;
-                let at = (y as usize * p.texels.width as usize + x as usize) * n;
-                let c = |i: usize| p.table[data[at + i] as usize];
+        let (rgb, alpha) = match &self.texels.data {
+            TexelData::U8(data) if self.table.len() == 256 => {
+                let n = self.texels.channels as usize;
+                let at = (y as usize * self.texels.width as usize + x as usize) * n;
+                let c = |i: usize| self.table[data[at + i] as usize];
                 match n {
                     1 => ([c(0); 3], 1.0),
                     2 => ([c(0); 3], f64::from(data[at + 1]) / 255.0),
@@ -161,19 +172,68 @@ impl Images for Pictures {
                 }
             }
             _ => {
-                let [r, g, b, a] = p.texels.get(x, y).map(f64::from);
-                ([r, g, b].map(|v| p.decode.apply(v)), a)
+                let [r, g, b, a] = self.texels.get(x, y).map(f64::from);
+                ([r, g, b].map(|v| self.decode.apply(v)), a)
             }
         };
-        let rgb = glam::DVec3::from(rgb);
-        let rgb = if p.premultiplied && alpha > 0.0 { rgb / alpha } else { rgb };
+        let rgb = DVec3::from(rgb);
+        let rgb = if self.premultiplied && alpha > 0.0 { rgb / alpha } else { rgb };
         Color { rgb, filter: 0.0, transmit: 1.0 - alpha }
+    }
+}
+
+impl Images for Pictures {
+    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
+        self.get(image).map(Picture::size)
+    }
+
+    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
+        self.get(image).map_or_else(Color::default, |p| p.pixel(x, y))
     }
 
     fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
-        let Picture::Read(p) = self.get(image)? else { return None };
-        let palette = p.palette.as_ref()?;
-        palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
+        self.get(image)?.index(x, y)
+    }
+}
+
+/// Pictures of a scene that is still being read: each is decoded when it is first asked for, those that cannot be read are missing.
+#[derive(Default)]
+pub(crate) struct NotedPictures {
+    noted: RwLock<Vec<Arc<Noted>>>,
+}
+
+struct Noted {
+    image: ClassicImage,
+    settings: GlobalSettings,
+    picture: OnceLock<Option<Picture>>,
+}
+
+impl NotedPictures {
+    /// Takes note of a picture by its number; those of later numbers are forgotten.
+    pub(crate) fn add(&self, id: ImageId, image: &ClassicImage, settings: &GlobalSettings) {
+        let mut noted = self.noted.write().unwrap_or_else(PoisonError::into_inner);
+        noted.truncate(id as usize);
+        noted.push(Arc::new(Noted { image: image.clone(), settings: settings.clone(), picture: OnceLock::new() }));
+    }
+
+    fn with<T>(&self, image: ImageId, ask: impl FnOnce(&Picture) -> T) -> Option<T> {
+        let noted = self.noted.read().unwrap_or_else(PoisonError::into_inner).get(image as usize)?.clone();
+        let settings = &noted.settings;
+        noted.picture.get_or_init(|| read(&noted.image, settings, WorkingSpace::new(settings)).ok()).as_ref().map(ask)
+    }
+}
+
+impl Images for NotedPictures {
+    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
+        self.with(image, Picture::size)
+    }
+
+    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
+        self.with(image, |p| p.pixel(x, y)).unwrap_or_default()
+    }
+
+    fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
+        self.with(image, |p| p.index(x, y))?
     }
 }
 

@@ -349,11 +349,17 @@ impl Parser {
         let same = self.scene.images.iter().position(|i| {
             (&i.source, i.gamma, i.content, i.premultiplied) == (&image.source, image.gamma, image.content, image.premultiplied)
         });
-        let at = same.unwrap_or_else(|| {
-            self.scene.images.push(image);
-            self.scene.images.len() - 1
-        });
-        Ok(at as ImageId)
+        Ok(same.map_or_else(|| self.add_image(image), |at| at as ImageId))
+    }
+
+    /// The number of a picture that is new.
+    pub(super) fn add_image(&mut self, image: ClassicImage) -> ImageId {
+        let id = self.scene.images.len() as ImageId;
+        if let Some(probe) = &self.options.probe {
+            probe.add_image(id, &image, &self.scene.settings);
+        }
+        self.scene.images.push(image);
+        id
     }
 
     /// The bytes of a file (font, density file, mesh) by the name in the scene.

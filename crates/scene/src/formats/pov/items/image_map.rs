@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use etendue_procedural::image_map::{Channel, Interpolation, Projection};
-use etendue_procedural::{Color, Context, ImageId, ImageMap};
-use glam::DVec3;
+use etendue_procedural::{Color, ImageId, ImageMap};
 
 use super::super::{Parse, Parser, Token};
 use super::solids_large::height_level;
@@ -130,8 +129,8 @@ impl Parser {
             return Err(self.error(span, format!("the function of a picture needs 1 by 1 to {PIXEL_LIMIT} samples in all")));
         }
         let function = self.function_body(["x", "y", "z"].map(String::from).to_vec())?;
-        let mut context = Context::at(DVec3::ZERO);
-        context.noise_generator = self.scene.settings.noise_generator;
+        let probe = self.options.probe.clone();
+        let context = self.context(probe.as_deref());
         let (width, height) = (width as u32, height as u32);
         let mut colors = Vec::with_capacity(width as usize * height as usize);
         let step = |i: u32, n: u32| f64::from(i) / f64::from(n.saturating_sub(1).max(1));
@@ -146,8 +145,7 @@ impl Parser {
             self.check_time()?;
         }
         let source = ImageSource::Made { width, colors: Arc::new(colors) };
-        self.scene.images.push(ClassicImage { source, span, gamma: None, content, premultiplied: None });
-        Ok((self.scene.images.len() - 1) as ImageId)
+        Ok(self.add_image(ClassicImage { source, span, gamma: None, content, premultiplied: None }))
     }
 
     /// `gamma` and `premultiplied` after the name of a picture.
