@@ -229,7 +229,7 @@ mod tests {
             (PatternKind::Quilted { control0: 1.0, control1: 1.0 }, 0.1625, 0.8375, [-0.1236, 0.1236]),
             (PatternKind::Ripples, 0.1625, 0.8375, [-0.0097, -0.1735]),
             (PatternKind::Waves, 0.3875, 0.8375, [-0.0307, 0.1073]),
-            (PatternKind::Crackle(crate::pattern::Crackle::default()), 0.1625, 0.8375, [-0.0099, -0.0364]),
+            (PatternKind::Crackle(pattern::Crackle::default()), 0.1625, 0.8375, [-0.0099, -0.0364]),
             (PatternKind::Granite, 0.6125, 0.8375, [-0.2537, 0.0587]),
         ] {
             let n = bent(&of(kind.clone()), x, y);

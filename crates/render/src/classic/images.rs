@@ -1,13 +1,23 @@
 //! Pictures that textures and height fields use, decoded into the working space.
 
+use std::sync::{Arc, OnceLock, PoisonError, RwLock};
+
 use etendue_procedural::{Color, ImageId, Images};
-use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma};
+use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, ImageContent, ImageGamma, ImageSource};
+use glam::DVec3;
 
 use super::gamma::WorkingSpace;
 use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels, palette_indices};
 
-/// A decoded picture.
-struct Picture {
+/// A picture of a file or of a function.
+enum Picture {
+    Read(Decoded),
+    /// Columns, and colors row by row.
+    Made(u32, Arc<Vec<Color>>),
+}
+
+/// A decoded file.
+struct Decoded {
     texels: Texels,
     /// Color numbers in the working space by 8-bit code; empty for other data.
     table: Vec<f64>,
@@ -87,7 +97,9 @@ impl Pictures {
             .map(|image| match read(image, settings, space) {
                 Ok(picture) => Some(picture),
                 Err(e) => {
-                    faults.push(format!("{}: {e}", image.path.display()));
+                    if let ImageSource::File(path) = &image.source {
+                        faults.push(format!("{}: {e}", path.display()));
+                    }
                     None
                 }
             })
@@ -101,8 +113,12 @@ impl Pictures {
 }
 
 fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) -> Result<Picture, crate::image::ImageError> {
-    let bytes = std::fs::read(&image.path)?;
-    let extension = image.path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    let path = match &image.source {
+        ImageSource::File(path) => path,
+        ImageSource::Made { width, colors } => return Ok(Picture::Made(*width, Arc::clone(colors))),
+    };
+    let bytes = std::fs::read(path)?;
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
     let texels = Texels::from_bytes(&bytes, extension.as_deref(), Some(ColorEncoding::Linear), ReadLimits::default())?;
     let decode = Decode::new(image, settings, space, FileKind::new(&bytes, &texels));
     let table = match texels.data {
@@ -110,24 +126,44 @@ fn read(image: &ClassicImage, settings: &GlobalSettings, space: WorkingSpace) ->
         _ => Vec::new(),
     };
     let palette = palette_indices(&bytes).filter(|indices| indices.len() == texels.width as usize * texels.height as usize);
-    Ok(Picture { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) })
+    Ok(Picture::Read(Decoded { palette, texels, table, decode, premultiplied: image.premultiplied == Some(true) }))
 }
 
-impl Images for Pictures {
-    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
-        self.get(image).map(|p| [p.texels.width, p.texels.height])
+impl Picture {
+    fn size(&self) -> [u32; 2] {
+        match self {
+            Self::Read(p) => [p.texels.width, p.texels.height],
+            Self::Made(width, colors) => [*width, (colors.len() / (*width).max(1) as usize) as u32],
+        }
     }
 
-    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
-        let Some(p) = self.get(image) else { return Color::default() };
-        if x >= p.texels.width || y >= p.texels.height {
+    fn pixel(&self, x: u32, y: u32) -> Color {
+        match self {
+            Self::Read(p) => p.pixel(x, y),
+            Self::Made(width, colors) => {
+                let at = y as usize * *width as usize + x as usize;
+                colors.get(at).filter(|_| x < *width).copied().unwrap_or_default()
+            }
+        }
+    }
+
+    fn index(&self, x: u32, y: u32) -> Option<u32> {
+        let Self::Read(p) = self else { return None };
+        let palette = p.palette.as_ref()?;
+        palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
+    }
+}
+
+impl Decoded {
+    fn pixel(&self, x: u32, y: u32) -> Color {
+        if x >= self.texels.width || y >= self.texels.height {
             return Color::default();
         }
-        let (rgb, alpha) = match &p.texels.data {
-            TexelData::U8(data) if p.table.len() == 256 => {
-                let n = p.texels.channels as usize;
-                let at = (y as usize * p.texels.width as usize + x as usize) * n;
-                let c = |i: usize| p.table[data[at + i] as usize];
+        let (rgb, alpha) = match &self.texels.data {
+            TexelData::U8(data) if self.table.len() == 256 => {
+                let n = self.texels.channels as usize;
+                let at = (y as usize * self.texels.width as usize + x as usize) * n;
+                let c = |i: usize| self.table[data[at + i] as usize];
                 match n {
                     1 => ([c(0); 3], 1.0),
                     2 => ([c(0); 3], f64::from(data[at + 1]) / 255.0),
@@ -136,19 +172,68 @@ impl Images for Pictures {
                 }
             }
             _ => {
-                let [r, g, b, a] = p.texels.get(x, y).map(f64::from);
-                ([r, g, b].map(|v| p.decode.apply(v)), a)
+                let [r, g, b, a] = self.texels.get(x, y).map(f64::from);
+                ([r, g, b].map(|v| self.decode.apply(v)), a)
             }
         };
-        let rgb = glam::DVec3::from(rgb);
-        let rgb = if p.premultiplied && alpha > 0.0 { rgb / alpha } else { rgb };
+        let rgb = DVec3::from(rgb);
+        let rgb = if self.premultiplied && alpha > 0.0 { rgb / alpha } else { rgb };
         Color { rgb, filter: 0.0, transmit: 1.0 - alpha }
+    }
+}
+
+impl Images for Pictures {
+    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
+        self.get(image).map(Picture::size)
+    }
+
+    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
+        self.get(image).map_or_else(Color::default, |p| p.pixel(x, y))
     }
 
     fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
-        let p = self.get(image)?;
-        let palette = p.palette.as_ref()?;
-        palette.get(y as usize * p.texels.width as usize + x as usize).map(|&i| u32::from(i))
+        self.get(image)?.index(x, y)
+    }
+}
+
+/// Pictures of a scene that is still being read: each is decoded when it is first asked for, those that cannot be read are missing.
+#[derive(Default)]
+pub(crate) struct NotedPictures {
+    noted: RwLock<Vec<Arc<Noted>>>,
+}
+
+struct Noted {
+    image: ClassicImage,
+    settings: GlobalSettings,
+    picture: OnceLock<Option<Picture>>,
+}
+
+impl NotedPictures {
+    /// Takes note of a picture by its number; those of later numbers are forgotten.
+    pub(crate) fn add(&self, id: ImageId, image: &ClassicImage, settings: &GlobalSettings) {
+        let mut noted = self.noted.write().unwrap_or_else(PoisonError::into_inner);
+        noted.truncate(id as usize);
+        noted.push(Arc::new(Noted { image: image.clone(), settings: settings.clone(), picture: OnceLock::new() }));
+    }
+
+    fn with<T>(&self, image: ImageId, ask: impl FnOnce(&Picture) -> T) -> Option<T> {
+        let noted = self.noted.read().unwrap_or_else(PoisonError::into_inner).get(image as usize)?.clone();
+        let settings = &noted.settings;
+        noted.picture.get_or_init(|| read(&noted.image, settings, WorkingSpace::new(settings)).ok()).as_ref().map(ask)
+    }
+}
+
+impl Images for NotedPictures {
+    fn size(&self, image: ImageId) -> Option<[u32; 2]> {
+        self.with(image, Picture::size)
+    }
+
+    fn pixel(&self, image: ImageId, x: u32, y: u32) -> Color {
+        self.with(image, |p| p.pixel(x, y)).unwrap_or_default()
+    }
+
+    fn index(&self, image: ImageId, x: u32, y: u32) -> Option<u32> {
+        self.with(image, |p| p.index(x, y))?
     }
 }
 
@@ -185,7 +270,7 @@ mod tests {
             let assumed_gamma = assumed.unwrap_or(1.0);
             let settings = GlobalSettings { version, gamma_given: assumed.is_some(), assumed_gamma, ..GlobalSettings::default() };
             let span = etendue_scene::Span::default();
-            let image = ClassicImage { path: "a.png".into(), span, gamma, content, premultiplied: None };
+            let image = ClassicImage { source: ImageSource::File("a.png".into()), span, gamma, content, premultiplied: None };
             let found = Decode::new(&image, &settings, WorkingSpace::new(&settings), kind).apply(128.0 / 255.0);
             assert!((found - expected).abs() < 2e-5, "{version} {assumed:?} {content:?} {gamma:?} {kind:?}: {found} is not {expected}");
         }

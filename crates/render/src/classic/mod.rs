@@ -25,6 +25,7 @@ mod surface;
 mod trace;
 
 pub use gamma::WorkingSpace;
+pub(crate) use images::NotedPictures;
 
 use std::sync::Arc;
 

@@ -130,7 +130,12 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
     let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
     let blurs = desc.classic.as_ref().is_some_and(|c| c.camera.blur.is_on());
-    let threshold = if blurs { 0.0 } else { settings.antialias.unwrap_or(default) };
+    let threshold = match settings.antialias {
+        _ if blurs => 0.0,
+        // One sample goes through the center, as in POV-Ray.
+        Some(t) if !(t > 0.0) && desc.classic.is_some() && settings.spp.is_none() => f32::INFINITY,
+        given => given.unwrap_or(default),
+    };
     Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
 }
 

@@ -2,11 +2,14 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use etendue_scene::desc::classic::{Object, Solid};
+use etendue_procedural::{ImageId, Images};
+use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, Object, Solid};
 use etendue_scene::formats::pov::Probe;
 use glam::{DAffine3, DVec3};
 
 use super::compile::{Compiler, Shape};
+use crate::classic::NotedPictures;
+
 use super::{Bounds, Line, Primitive, RayKind, World};
 
 /// Sides of boxes without bound (as measured).
@@ -20,6 +23,7 @@ const KEPT: usize = 64;
 pub struct WorldProbe {
     /// The last asked at the end. The objects are kept, so that their addresses stay theirs.
     worlds: Mutex<Vec<(Arc<Object>, Arc<World>)>>,
+    pictures: NotedPictures,
 }
 
 impl WorldProbe {
@@ -32,7 +36,7 @@ impl WorldProbe {
         let mut worlds = self.worlds.lock().unwrap_or_else(PoisonError::into_inner);
         let entry = match worlds.iter().position(|(o, _)| Arc::ptr_eq(o, object)) {
             Some(at) => worlds.remove(at),
-            None => (object.clone(), Arc::new(World::new(std::slice::from_ref(object)))),
+            None => (object.clone(), Arc::new(World::with_images(std::slice::from_ref(object), Some(&self.pictures)))),
         };
         let world = entry.1.clone();
         if worlds.len() >= KEPT {
@@ -55,6 +59,14 @@ impl Probe for WorldProbe {
         self.world(object).inside(p)
     }
 
+    fn add_image(&self, id: ImageId, image: &ClassicImage, settings: &GlobalSettings) {
+        self.pictures.add(id, image, settings);
+    }
+
+    fn images(&self) -> Option<&dyn Images> {
+        Some(&self.pictures)
+    }
+
     fn extent(&self, object: &Arc<Object>) -> (DVec3, DVec3) {
         let b = extent(object, &mut Compiler::new(None), false);
         if b.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (b.min.max(DVec3::splat(-BEYOND)), b.max.min(DVec3::splat(BEYOND))) }
@@ -69,7 +81,7 @@ fn extent(object: &Object, compiler: &mut Compiler, cut: bool) -> Bounds {
         Solid::Union(parts) | Solid::Merge(parts) => parts.iter().fold(Bounds::EMPTY, |b, p| b.union(extent(p, compiler, cut))),
         Solid::Intersection(parts) => parts.iter().fold(Bounds::INFINITE, |b, p| b.intersection(extent(p, compiler, true))),
         Solid::Difference(parts) => parts.first().map_or(Bounds::EMPTY, |p| extent(p, compiler, true)),
-        // Pictures of heights are not read yet when scripts ask.
+        // As high as it can be, whatever the picture.
         Solid::HeightField(_) => Bounds::of(DVec3::ZERO, DVec3::ONE),
         solid => match compiler.shape(solid) {
             None => Bounds::EMPTY,

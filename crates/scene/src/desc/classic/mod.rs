@@ -27,6 +27,7 @@ pub use solid::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use etendue_procedural::Color;
 use serde::{Deserialize, Serialize};
 
 use crate::span::Span;
@@ -34,8 +35,8 @@ use crate::span::Span;
 /// A picture that textures or height fields use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClassicImage {
-    /// Resolved path.
-    pub path: PathBuf,
+    /// Where it comes from.
+    pub source: ImageSource,
     /// Where the file names it.
     pub span: Span,
     /// What the scene says that the file's numbers mean (`gamma`).
@@ -44,6 +45,20 @@ pub struct ClassicImage {
     pub content: ImageContent,
     /// Colors are stored multiplied with alpha (`premultiplied`); `None` by the file's own kind.
     pub premultiplied: Option<bool>,
+}
+
+/// Where a picture comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ImageSource {
+    /// The resolved path of a file.
+    File(PathBuf),
+    /// Made by a function: colors of the working space, row by row from the top.
+    Made {
+        /// Columns.
+        width: u32,
+        /// Colors; as many as columns by rows.
+        colors: Arc<Vec<Color>>,
+    },
 }
 
 /// `gamma` of a picture: how its numbers become linear light.

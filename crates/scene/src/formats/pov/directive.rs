@@ -190,7 +190,15 @@ impl Parser {
         }
         self.version = version as u32;
         self.stated_version = version as u32;
+        if !self.noise_generator_given {
+            self.scene.settings.noise_generator = self.default_noise_generator();
+        }
         Ok(())
+    }
+
+    /// The noise generator of scenes that do not say one: it changed with version 3.5, and the version at the end counts (measured).
+    pub(super) fn default_noise_generator(&self) -> u8 {
+        if self.version < 350 { 1 } else { 2 }
     }
 
     /// `#debug "…"` and its like.

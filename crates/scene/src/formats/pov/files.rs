@@ -182,6 +182,7 @@ impl Parser {
     pub(super) fn declare_options(&mut self) -> Parse<()> {
         self.version = self.options.version.unwrap_or(362);
         self.stated_version = self.options.version.unwrap_or(370);
+        self.scene.settings.noise_generator = self.default_noise_generator();
         for (name, text) in self.options.declares.clone() {
             let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
                 && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-use etendue_procedural::{Color, Layer, Texture};
+use etendue_procedural::{Color, ImageId, Layer, Texture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::Value;
@@ -14,7 +14,7 @@ use super::options::PovOptions;
 use super::random::Streams;
 use super::stream::{Barrier, Block, Frame};
 use super::symbols::Symbols;
-use crate::desc::classic::{ClassicImage, ClassicScene, ImageContent, ImageGamma};
+use crate::desc::classic::{ClassicImage, ClassicScene, ImageContent, ImageGamma, ImageSource};
 use crate::report::Report;
 use crate::span::Span;
 
@@ -79,6 +79,8 @@ pub struct Parser {
     pub(super) version: u32,
     /// What the word `version` stands for: 3.7 before the first `#version`, though the scene is then read as one of 3.62.
     pub(super) stated_version: u32,
+    /// `noise_generator` of the global settings was said; otherwise it goes by the version.
+    pub(super) noise_generator_given: bool,
     pub(super) streams: Streams,
     pub(super) default: Arc<Texture>,
     /// Whether the scene has a camera.
@@ -119,6 +121,7 @@ impl Parser {
             string_bytes: 0,
             version: 362,
             stated_version: 370,
+            noise_generator_given: false,
             streams: Streams::default(),
             default: Arc::new(Texture::Layers(vec![Layer::default()])),
             has_camera: false,
@@ -340,15 +343,23 @@ impl Parser {
         span: Span,
         content: ImageContent,
         (gamma, premultiplied): (Option<ImageGamma>, Option<bool>),
-    ) -> Parse<etendue_procedural::ImageId> {
+    ) -> Parse<ImageId> {
         let path = self.find_file(name, IMAGE_EXTENSIONS, span)?;
-        let image = ClassicImage { path, span, gamma, content, premultiplied };
-        let same = self.scene.images.iter().position(|i| ClassicImage { span, ..i.clone() } == image);
-        let at = same.unwrap_or_else(|| {
-            self.scene.images.push(image);
-            self.scene.images.len() - 1
+        let image = ClassicImage { source: ImageSource::File(path), span, gamma, content, premultiplied };
+        let same = self.scene.images.iter().position(|i| {
+            (&i.source, i.gamma, i.content, i.premultiplied) == (&image.source, image.gamma, image.content, image.premultiplied)
         });
-        Ok(at as etendue_procedural::ImageId)
+        Ok(same.map_or_else(|| self.add_image(image), |at| at as ImageId))
+    }
+
+    /// The number of a picture that is new.
+    pub(super) fn add_image(&mut self, image: ClassicImage) -> ImageId {
+        let id = self.scene.images.len() as ImageId;
+        if let Some(probe) = &self.options.probe {
+            probe.add_image(id, &image, &self.scene.settings);
+        }
+        self.scene.images.push(image);
+        id
     }
 
     /// The bytes of a file (font, density file, mesh) by the name in the scene.
