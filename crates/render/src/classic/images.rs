@@ -41,7 +41,7 @@ impl Decode {
         let space = if settings.gamma_given || settings.version >= 370 { space } else { WorkingSpace::Linear };
         let target = if image.content == ImageContent::Data { WorkingSpace::Linear } else { space };
         match (image.gamma, image.content, kind) {
-            (Some(ImageGamma::Power(g)), ..) if g == 1.0 => Self::Between(WorkingSpace::Linear, target),
+            (Some(ImageGamma::Power(1.0)), ..) => Self::Between(WorkingSpace::Linear, target),
             (Some(ImageGamma::Power(g)), ..) if g > 0.0 && g.is_finite() => Self::Between(WorkingSpace::Power(g), target),
             (Some(ImageGamma::Srgb), ..) => Self::Between(WorkingSpace::Srgb, target),
             (_, ImageContent::Data | ImageContent::OldColors, _) | (_, _, FileKind::Bare) => Self::AsIs,

@@ -103,7 +103,7 @@ pub struct ClassicScene {
     /// The sky beyond everything.
     pub sky: Option<SkySphere>,
     /// Background color; black where there is none.
-    pub background: Option<etendue_procedural::Color>,
+    pub background: Option<Color>,
     /// Interior (media) of the space outside all objects.
     pub atmosphere: Vec<Media>,
     /// Pictures, by [`etendue_procedural::ImageId`].
