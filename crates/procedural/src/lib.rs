@@ -6,6 +6,7 @@
 //!
 //! The models are those of POV-Ray 3.7 as its documentation and its output tell; no source of it was used.
 
+mod always;
 pub mod color;
 pub mod context;
 mod default_colors;
@@ -20,6 +21,8 @@ mod noise_tables;
 pub mod normal;
 pub mod pattern;
 pub mod pigment;
+mod power;
+mod power_tables;
 pub mod spline;
 pub mod texture;
 pub mod warp;

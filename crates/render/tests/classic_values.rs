@@ -304,7 +304,8 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
     };
     let one = whole(1);
     assert_eq!(one.develop(), whole(2).develop());
-    assert!((0..48).any(|x| one.sample_count(x, 18) == 1) && (0..48).any(|x| one.sample_count(x, 18) == 10));
+    let count = |n| (0..36).flat_map(|y| (0..48).map(move |x| (x, y))).filter(|&(x, y)| one.sample_count(x, y) == n).count();
+    assert!(count(1) > 200 && count(10) > 50 && count(1) + count(10) == 48 * 36, "{} {}", count(1), count(10));
     // Ranges of samples that begin after the centers trace those of their own accord.
     let part = |first, count| {
         let (mut session, _) = session(mixed(), &settings, None);

@@ -5,6 +5,7 @@ use etendue_scene::desc::classic::{AreaLight, ClassicScene, Light, LightKind};
 use glam::{DVec2, DVec3};
 
 use std::f64::consts::{FRAC_PI_4, PI};
+use std::sync::atomic::AtomicU32;
 
 use crate::solid::{Line, World};
 
@@ -17,6 +18,8 @@ pub(super) struct Lamp {
     cos_falloff: f64,
     /// What its light has to pass.
     pub(super) gate: Option<World>,
+    /// What blocked its light last, for [`World::shadow`].
+    pub(super) last_blocker: AtomicU32,
 }
 
 impl Lamp {
@@ -29,6 +32,7 @@ impl Lamp {
             cos_falloff: cos(light.falloff),
             gate: light.projected_through.as_ref().map(|o| World::new(std::slice::from_ref(o))),
             light: light.clone(),
+            last_blocker: AtomicU32::new(u32::MAX),
         }
     }
 

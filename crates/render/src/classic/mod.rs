@@ -40,6 +40,7 @@ use crate::spectrum::Spectrum;
 use camera::Rays;
 use images::Pictures;
 use light::Lamp;
+use refract::{Stack, Within};
 use trace::Tracer;
 
 use crate::integrator::{Estimate, FirstHit};
@@ -56,6 +57,8 @@ pub struct ClassicWorld {
     pattern_objects: Vec<World>,
     space: WorkingSpace,
     radiosity: Option<radiosity::Cache>,
+    /// The camera's place and what it is inside of: where most camera rays begin.
+    around_camera: Option<(DVec3, Stack)>,
 }
 
 impl ClassicWorld {
@@ -68,8 +71,20 @@ impl ClassicWorld {
         let pattern_objects = scene.pattern_objects.iter().map(|o| World::with_images(std::slice::from_ref(o), Some(&pictures))).collect();
         let lamps_of_group = light::sets(scene);
         let rays = Rays::new(scene.camera.clone(), size);
-        let mut made =
-            Self { scene: Arc::new(scene.clone()), world, rays, lamps, lamps_of_group, pictures, pattern_objects, space, radiosity: None };
+        let location = scene.camera.location;
+        let mut made = Self {
+            scene: Arc::new(scene.clone()),
+            world,
+            rays,
+            lamps,
+            lamps_of_group,
+            pictures,
+            pattern_objects,
+            space,
+            radiosity: None,
+            around_camera: None,
+        };
+        made.around_camera = Some((location, made.around(location)));
         if let Some(settings) = &scene.settings.radiosity {
             made.radiosity = Some(radiosity::Cache::build(&made, settings, size));
         }
@@ -78,6 +93,13 @@ impl ClassicWorld {
 
     fn settings(&self) -> &GlobalSettings {
         &self.scene.settings
+    }
+
+    /// What a point is inside of.
+    fn around(&self, p: DVec3) -> Stack {
+        let mut inside = Stack::new();
+        self.world.containing(p, &mut |object| inside.push(Within::new(object)));
+        inside
     }
 
     /// Where textures are evaluated: a bare point, with what evaluation needs.
@@ -96,6 +118,7 @@ impl ClassicWorld {
     pub fn estimate(&self, picture: DVec2, lens: DVec2, max_level: Option<u32>, stream: &mut SampleStream, out: &mut Estimate) {
         let Some(line) = self.rays.line(self, picture, lens) else { return };
         let mut tracer = Tracer::new(self, stream, max_level);
+        tracer.wants_uv = out.wants_uv;
         let traced = tracer.camera_ray(line, self.rays.max_distance());
         let linear = self.space.linear_rgb(traced.color);
         let radiance = Spectrum::from_rgb([linear.x as f32, linear.y as f32, linear.z as f32]);

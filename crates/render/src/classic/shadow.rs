@@ -61,11 +61,11 @@ impl<'a> Tracer<'a, '_> {
             return passing;
         }
         let mut passes: Vec<Pass> = Vec::new();
-        let mut blocked = false;
-        world.world.visit(&line, NEAR, distance - NEAR, RayKind::Shadow, &mut |hit| {
+        let mut dark = false;
+        let blocked = world.world.shadow(&line, NEAR, distance - NEAR, &lamp.last_blocker, &mut |hit| {
             let color = world.surface_passing(&hit, &line);
             if !(peak(color.abs()) > 0.0) {
-                blocked = true;
+                dark = true;
                 return false;
             }
             let interior = hit.object.interior.clone();
@@ -79,7 +79,7 @@ impl<'a> Tracer<'a, '_> {
             });
             true
         });
-        if blocked {
+        if blocked || dark {
             return DVec3::ZERO;
         }
         if passes.is_empty() {
@@ -152,12 +152,7 @@ impl<'a> Tracer<'a, '_> {
         if let Some(seen) = grid.seen[slot] {
             return seen;
         }
-        let jitter = if grid.area.jitter {
-            let u = self.stream.next_2d();
-            DVec2::new(f64::from(u.x), f64::from(u.y)) - 0.5
-        } else {
-            DVec2::ZERO
-        };
+        let jitter = if grid.area.jitter { self.jitter() } else { DVec2::ZERO };
         let location = grid.lamp.place(&grid.area, i as f64, j as f64, jitter, grid.p);
         let passing = self.passing(grid.lamp, location, grid.p);
         grid.seen[slot] = Some(passing);

@@ -19,6 +19,28 @@ struct Stacked<'a> {
     uv: DVec2,
 }
 
+/// A list that mostly is short: the first entries need no memory of their own.
+struct Few<T> {
+    first: ArrayVec<T, 4>,
+    more: Vec<T>,
+}
+
+impl<T> Few<T> {
+    fn new() -> Self {
+        Self { first: ArrayVec::new(), more: Vec::new() }
+    }
+
+    fn push(&mut self, entry: T) {
+        if let Err(full) = self.first.try_push(entry) {
+            self.more.push(full.element());
+        }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = &T> {
+        self.first.iter().chain(&self.more)
+    }
+}
+
 /// What all layers at a hit share.
 struct Place<'a, 'h> {
     ray: &'h Ray,
@@ -28,7 +50,7 @@ struct Place<'a, 'h> {
     /// Towards the viewer.
     view: DVec3,
     /// Lights and their colors here, once they are known: direction and color.
-    lights: Option<Vec<Lit>>,
+    lights: Option<Few<Lit>>,
     /// Light of surfaces around, once it is known.
     around: Option<DVec3>,
 }
@@ -56,7 +78,7 @@ impl<'a> Tracer<'a, '_> {
         let back = hit.n.dot(ray.line.d) > 0.0;
         let n = if back { -hit.n } else { hit.n };
         let context = Context { normal: n, ray: ray.line.d, uv: hit.uv, ..world.context(hit.p) };
-        let mut stacks: Vec<Stacked<'a>> = Vec::new();
+        let mut stacks: Few<Stacked<'a>> = Few::new();
         world.world.textures(hit, back, &mut |weight, texture| {
             let Some(texture) = texture else { return };
             texture.resolve(&context, &mut |share, layers, at| {
@@ -64,16 +86,23 @@ impl<'a> Tracer<'a, '_> {
             });
         });
         if ray.depth == 0 && self.first.is_none() {
-            self.first = Some(First { p: hit.p, n, uv: hit.uv, depth: hit.t, albedo: DVec3::ZERO, leaf: hit.leaf });
+            self.first = Some(First {
+                p: hit.p,
+                n,
+                uv: if self.wants_uv { world.world.uv(hit) } else { DVec2::ZERO },
+                depth: hit.t,
+                albedo: DVec3::ZERO,
+                leaf: hit.leaf,
+            });
         }
         let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None };
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
-        for stack in &stacks {
+        for stack in stacks.iter() {
             let traced = self.stack(&mut place, stack);
             sum.color += traced.color * stack.weight;
             sum.alpha += traced.alpha * stack.weight;
         }
-        if stacks.is_empty() {
+        if stacks.first.is_empty() {
             sum.alpha = 1.0;
         }
         sum
@@ -86,7 +115,8 @@ impl<'a> Tracer<'a, '_> {
         let settings = world.settings();
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
-        let (next, ratio) = beyond(&ray.inside, place.hit.object, old, ray.band);
+        let mut across = None;
+        let mut ratio = || across.get_or_insert_with(|| beyond(&ray.inside, place.hit.object, old, ray.band)).1;
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
@@ -114,7 +144,8 @@ impl<'a> Tracer<'a, '_> {
                 color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
-            let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ratio, pigment.rgb);
+            let ior = if finish.reflection.fresnel { ratio() } else { 1.0 };
+            let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ior, pigment.rgb);
             let share = passing * mirror;
             if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
                 let _ = mirrors.try_push((share, n, finish));
@@ -132,7 +163,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let mut alpha = 1.0;
         let n = top_normal.unwrap_or(place.n);
-        if peak(passing.abs()) > 0.0 && through(ray.line.d, n, place.n, ratio).is_none() {
+        if peak(passing.abs()) > 0.0 && through(ray.line.d, n, place.n, ratio()).is_none() {
             // Light that is totally reflected is not colored, and there is no other mirror (measured).
             mirrors.clear();
             color += self.mirrored(place, n, ray.weight);
@@ -144,6 +175,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
+            let (next, ratio) = across.unwrap_or_else(|| beyond(&ray.inside, place.hit.object, old, ray.band));
             let beyond = match self.colors(place) {
                 Some(colors) => self.split(place, n, old, colors, weight),
                 _ => self.beyond(place, n, next, ratio, ray.band, weight),
@@ -178,13 +210,13 @@ impl<'a> Tracer<'a, '_> {
         if place.lights.is_none() {
             place.lights = Some(self.lights(place.hit, place.n));
         }
-        let lights = place.lights.take().unwrap_or_default();
+        let Some(lights) = place.lights.take() else { return DVec3::ZERO };
         let both = place.hit.object.double_illuminate;
         let mut sum = DVec3::ZERO;
         let settings = self.world.settings();
         let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
         let wavelengths = settings.irid_wavelength;
-        for light in &lights {
+        for light in lights.iter() {
             let cos = n.dot(light.d);
             let front = light.d.dot(place.n) > 0.0;
             let mut answer = DVec3::ZERO;
@@ -218,11 +250,11 @@ impl<'a> Tracer<'a, '_> {
     }
 
     /// All lights that shine on a point, with their colors after shadows.
-    fn lights(&mut self, hit: &SolidHit<'a>, n: DVec3) -> Vec<Lit> {
+    fn lights(&mut self, hit: &SolidHit<'a>, n: DVec3) -> Few<Lit> {
         let world: &'a ClassicWorld = self.world;
         let object = hit.object;
         let set = world.lamps_of_group.get(object.light_group as usize).or(world.lamps_of_group.first());
-        let mut lights = Vec::new();
+        let mut lights = Few::new();
         for lamp in set.into_iter().flatten().filter_map(|&i| world.lamps.get(i as usize)) {
             let highlights = !lamp.light.shadowless;
             let mut add = |d: DVec3, color: DVec3| {
@@ -235,12 +267,7 @@ impl<'a> Tracer<'a, '_> {
                 let share = 1.0 / (f64::from(rows) * f64::from(columns));
                 for i in 0..rows {
                     for j in 0..columns {
-                        let jitter = if area.jitter {
-                            let u = self.stream.next_2d();
-                            DVec2::new(f64::from(u.x), f64::from(u.y)) - 0.5
-                        } else {
-                            DVec2::ZERO
-                        };
+                        let jitter = if area.jitter { self.jitter() } else { DVec2::ZERO };
                         let location = lamp.place(&area, f64::from(i), f64::from(j), jitter, hit.p);
                         let (d, _) = lamp.towards_from(location, hit.p);
                         if self.can_light(hit, n, d) {

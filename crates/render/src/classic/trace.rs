@@ -64,13 +64,15 @@ pub(super) struct Tracer<'a, 's> {
     pub(super) first: Option<First>,
     /// Radiosity, where it is on.
     pub(super) gathering: Option<Gathering<'a>>,
+    /// Surface coordinates of the first hit are asked for.
+    pub(super) wants_uv: bool,
 }
 
 impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn new(world: &'a ClassicWorld, stream: &'s mut SampleStream, max_level: Option<u32>) -> Self {
         let max_level = max_level.unwrap_or(world.settings().max_trace_level).min(256);
         let gathering = world.radiosity.as_ref().map(Gathering::finished);
-        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering }
+        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering, wants_uv: false }
     }
 
     /// Rays followed so far.
@@ -78,10 +80,18 @@ impl<'a, 's> Tracer<'a, 's> {
         self.rays
     }
 
+    /// A point in a unit square about the origin, to move a point of an area light within its cell.
+    pub(super) fn jitter(&mut self) -> DVec2 {
+        let u = self.stream.next_independent_2d();
+        DVec2::new(f64::from(u.x), f64::from(u.y)) - 0.5
+    }
+
     /// Follows a ray of the camera.
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
-        let mut inside = Stack::new();
-        self.world.world.containing(line.o, &mut |object| inside.push(Within::new(object)));
+        let inside = match &self.world.around_camera {
+            Some((o, around)) if *o == line.o => around.clone(),
+            _ => self.world.around(line.o),
+        };
         let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, band: None };
         self.follow(&ray, max_distance)
     }

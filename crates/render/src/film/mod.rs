@@ -252,6 +252,24 @@ impl Film {
         Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() })
     }
 
+    /// Empties the film and moves it to another rectangle of the same size, to be used again; false where that does not fit.
+    pub fn empty_for(&mut self, rect: Rect) -> bool {
+        let same = (rect.width(), rect.height()) == (self.rect.width(), self.rect.height());
+        if !same || !self.layout.spec.crop.contains_rect(&rect) {
+            return false;
+        }
+        self.rect = rect;
+        self.held = Held::default();
+        self.counters = FilmCounters::default();
+        self.sums.fill(0);
+        self.squares.fill(0);
+        self.weights.fill(0);
+        self.counts.fill(0);
+        self.first_indices.fill(NO_INDEX);
+        self.first_values.fill(0.0);
+        true
+    }
+
     fn with_layout(layout: Arc<Layout>, rect: Rect, meta: FilmMeta) -> Result<Self, FilmError> {
         if rect.area() == 0 || !layout.spec.crop.contains_rect(&rect) {
             return Err(FilmError::Outside { inner: rect, outer: layout.spec.crop });
@@ -408,11 +426,16 @@ impl Film {
         let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
         for y in other.rect.y0..other.rect.y1 {
             let (ours, theirs) = (self.pixel(other.rect.x0, y), other.pixel(other.rect.x0, y));
-            add_slices(&mut self.sums[ours * means..], &other.sums[theirs * means..][..width * means]);
-            add_slices(&mut self.squares[ours * SQUARES..], &other.squares[theirs * SQUARES..][..width * SQUARES]);
-            add_slices(&mut self.weights[ours..], &other.weights[theirs..][..width]);
-            for (a, b) in self.counts[ours..].iter_mut().zip(&other.counts[theirs..][..width]) {
-                *a = a.wrapping_add(*b);
+            for i in 0..width {
+                // Pixels without samples have nothing to add.
+                let (a, b) = (ours + i, theirs + i);
+                if other.counts[b] == 0 {
+                    continue;
+                }
+                add_slices(&mut self.sums[a * means..], &other.sums[b * means..][..means]);
+                add_slices(&mut self.squares[a * SQUARES..], &other.squares[b * SQUARES..][..SQUARES]);
+                self.weights[a] = self.weights[a].wrapping_add(other.weights[b]);
+                self.counts[a] = self.counts[a].wrapping_add(other.counts[b]);
             }
             if firsts > 0 {
                 for i in 0..width {

@@ -52,6 +52,8 @@ pub struct Estimate {
     pub groups: Vec<Spectrum>,
     /// What the camera sees first.
     pub first: Option<FirstHit>,
+    /// Asks for the texture coordinates of what the camera sees first; integrators to which they come free ignore it.
+    pub wants_uv: bool,
 }
 
 impl Estimate {

@@ -90,16 +90,21 @@ impl SampleStream {
         v.min(ONE_MINUS_EPSILON)
     }
 
+    /// The next pair without regard to other samples, whatever the sequence: cheap, for numbers of which a sample takes many.
+    #[inline]
+    pub fn next_independent_2d(&mut self) -> Vec2 {
+        let [a, b] = self.dimension_hash();
+        self.dimension += 2;
+        independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
+    }
+
     /// The next pair, well distributed as a pair.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
         let [a, b] = self.dimension_hash();
         let v = match self.kind {
             SamplerKind::Sobol => sobol::sample_2d(self.index, a, b),
-            SamplerKind::Independent => {
-                let h = mix32(a ^ mix32(b ^ self.index));
-                Vec2::new(unit_float(h), unit_float(mix32(h ^ 0x68e3_1da4)))
-            }
+            SamplerKind::Independent => independent_2d(a, b, self.index),
             SamplerKind::Stratified => stratified::sample_2d(self.index, self.spp, a),
             SamplerKind::Halton => {
                 Vec2::new(halton::sample(self.index, self.dimension, a), halton::sample(self.index, self.dimension + 1, b))
@@ -108,6 +113,12 @@ impl SampleStream {
         self.dimension += 2;
         v.min(Vec2::splat(ONE_MINUS_EPSILON))
     }
+}
+
+#[inline]
+fn independent_2d(a: u32, b: u32, index: u32) -> Vec2 {
+    let h = mix32(a ^ mix32(b ^ index));
+    Vec2::new(unit_float(h), unit_float(mix32(h ^ 0x68e3_1da4)))
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use rayon::prelude::*;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
 use crate::integrator::{Estimate, Integrator};
 use crate::math::Vec2;
-use crate::sampler::{SampleStream, Sampler};
+use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
 use antialias::Centers;
 
@@ -187,7 +187,9 @@ impl Session {
         while begin < end {
             // 1, 1, 2, 4, 8, 16, 16 …: a picture early, then few passes. Boundaries do not depend on the time.
             let done = begin - first;
-            let pass_end = begin.saturating_add(done.clamp(1, PASS_LIMIT)).min(end);
+            // Few pixels take more than one sample where edges alone are smoothed.
+            let most = if self.centers.is_some() && begin > 0 { PASS_LIMIT } else { done.clamp(1, PASS_LIMIT) };
+            let pass_end = begin.saturating_add(most).min(end);
             let complete = self.pass(&tiles, begin, pass_end, start, stop, cancel, observer)?;
             if !complete {
                 reason = if cancel.is_cancelled() { Reason::Cancelled } else { Reason::Time };
@@ -235,40 +237,47 @@ impl Session {
         let stand_in = self.film.new_tile(tiles[0])?;
         let film = Mutex::new((std::mem::replace(&mut self.film, stand_in), 0usize, Ok(())));
         let this: &Self = self;
-        tiles.par_iter().with_max_len(1).for_each(|&rect| {
-            // The first pass is never cut by time: a picture without holes is worth more than a punctual one.
-            let out_of_time = begin > this.first_sample && stop.time.is_some_and(|t| start.elapsed() >= t);
-            if cancel.is_cancelled() || out_of_time {
-                return;
-            }
-            let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
-            let missing = missing(&lock().0, rect, begin, end);
-            for (a, b) in missing {
-                let Ok(mut tile) = lock().0.new_tile(rect) else { return };
-                this.render_tile(&mut tile, rect, a, b);
-                let mut guard = lock();
-                let (film, _, result) = &mut *guard;
-                if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(&tile)) {
-                    *result = Err(e);
+        tiles.par_iter().with_max_len(1).for_each_init(
+            || None,
+            |kept: &mut Option<Film>, &rect| {
+                // The first pass is never cut by time: a picture without holes is worth more than a punctual one.
+                let out_of_time = begin > this.first_sample && stop.time.is_some_and(|t| start.elapsed() >= t);
+                if cancel.is_cancelled() || out_of_time {
+                    return;
                 }
-            }
-            let mut guard = lock();
-            guard.1 += 1;
-            let share = f64::from(end - begin) * guard.1 as f64 / tiles.len() as f64;
-            let mut status = this.status(begin - this.first_sample, start.elapsed(), stop);
-            if let Some(n) = stop.spp {
-                let by_spp = (f64::from(begin - this.first_sample) + share) / f64::from(n.max(1));
-                status.fraction = status.fraction.max(by_spp).min(1.0);
-            }
-            observer.status(&status);
-        });
+                let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
+                let missing = missing(&lock().0, rect, begin, end);
+                for (a, b) in missing {
+                    let fits = kept.as_mut().is_some_and(|tile| tile.empty_for(rect));
+                    if !fits {
+                        *kept = lock().0.new_tile(rect).ok();
+                    }
+                    let Some(tile) = kept else { return };
+                    this.render_tile(tile, rect, a, b);
+                    let mut guard = lock();
+                    let (film, _, result) = &mut *guard;
+                    if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(tile)) {
+                        *result = Err(e);
+                    }
+                }
+                let mut guard = lock();
+                guard.1 += 1;
+                let share = f64::from(end - begin) * guard.1 as f64 / tiles.len() as f64;
+                let mut status = this.status(begin - this.first_sample, start.elapsed(), stop);
+                if let Some(n) = stop.spp {
+                    let by_spp = (f64::from(begin - this.first_sample) + share) / f64::from(n.max(1));
+                    status.fraction = status.fraction.max(by_spp).min(1.0);
+                }
+                observer.status(&status);
+            },
+        );
         let (film, done, result) = film.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.film = film;
         result.map(|()| done == tiles.len())
     }
 
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
-        let mut estimate = Estimate::default();
+        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), ..Estimate::default() };
         let mut neighbor = Estimate::default();
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
@@ -311,8 +320,8 @@ impl Session {
 
     /// The sample through the center of a pixel. Its random numbers are those of an index that no session comes to.
     fn center(&self, x: u32, y: u32, estimate: &mut Estimate) {
-        let mut stream = self.sampler.stream(x, y, u32::MAX);
-        let _ = stream.next_2d();
+        let sampler = Sampler { kind: SamplerKind::Independent, ..self.sampler };
+        let mut stream = sampler.stream(x, y, u32::MAX);
         self.trace(Vec2::new(x as f32 + 0.5, y as f32 + 0.5), &mut stream, estimate);
     }
 

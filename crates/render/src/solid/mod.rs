@@ -153,7 +153,7 @@ pub struct SolidHit<'a> {
     pub n: DVec3,
     /// Unit geometric normal on the same side, which differs from `n` on smooth meshes.
     pub ng: DVec3,
-    /// Surface coordinates.
+    /// Surface coordinates where the textures use them; see [`World::uv`].
     pub uv: DVec2,
     /// The part whose texture and interior count: the leaf, with what it inherits from its parents already filled in.
     pub object: &'a Object,

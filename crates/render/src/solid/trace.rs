@@ -195,6 +195,45 @@ impl Tree {
         }
     }
 
+    /// Whether a node blocks all light of a line between `t_min` and `t_max`. If not, its hits are pushed: none is with an opaque leaf.
+    pub(super) fn blocks(&self, id: NodeId, query: &Query, t_max: f64, scratch: &mut Scratch) -> bool {
+        let node = &self.nodes[id as usize];
+        if node.clips.is_empty() && node.bounding.is_empty() {
+            match &node.kind {
+                Kind::Leaf(index) => {
+                    let leaf = &self.leaves[*index as usize];
+                    if leaf.opaque {
+                        // Any crossing will do.
+                        return leaf.hidden & query.kind == 0
+                            && (leaf.solid_from_world.is_none()
+                                || node.bounds.clip(&query.line, query.inverse, query.t_min, t_max).is_some())
+                            && leaf.shape.nearest(&leaf.local(&query.line), query.t_min, t_max, &mut scratch.crossings).is_some();
+                    }
+                }
+                Kind::Union(group) => {
+                    if node.bounds.clip(&query.line, query.inverse, query.t_min, t_max).is_none() {
+                        return false;
+                    }
+                    if group.unbounded.iter().any(|&i| self.blocks(group.children[i as usize], query, t_max, scratch)) {
+                        return true;
+                    }
+                    let mut blocked = false;
+                    if let Some(bvh) = &group.by_line {
+                        bvh.visit(&query.line, query.t_min, t_max, |i, _| {
+                            blocked = self.blocks(group.children[i as usize], query, t_max, scratch);
+                            !blocked
+                        });
+                    }
+                    return blocked;
+                }
+                Kind::Intersection(_) | Kind::Merge(_) => {}
+            }
+        }
+        let start = scratch.hits.len();
+        self.collect(id, query, t_max, scratch);
+        scratch.hits[start..].iter().any(|hit| self.leaves[hit.leaf as usize].opaque)
+    }
+
     fn retain(&self, first: usize, scratch: &mut Scratch, keep: impl Fn(&RawHit) -> bool) {
         let mut kept = first;
         for i in first..scratch.hits.len() {

@@ -32,6 +32,10 @@ pub(super) struct Leaf {
     pub own_textures: Vec<Arc<Texture>>,
     /// The combination whose parts give the texture of cut faces.
     pub cutaway: Option<NodeId>,
+    /// No light passes it, wherever and from whichever side.
+    pub opaque: bool,
+    /// Its textures may look at surface coordinates.
+    pub uses_uv: bool,
 }
 
 /// What a node is.
@@ -355,7 +359,11 @@ impl<'a> Builder<'a> {
             (Some(Box::new(inverse)), shape.extent(&world_from_solid), inside)
         };
         let m = state.world_from_parent;
-        let own_textures = shape.own_textures().iter().map(|t| self.texture(t, &m)).collect();
+        let own_textures: Vec<Arc<Texture>> = shape.own_textures().iter().map(|t| self.texture(t, &m)).collect();
+        let textures = || state.texture.iter().chain(&state.interior_texture).chain(&own_textures);
+        // Cut faces show textures of other leaves.
+        let opaque = state.cutaway.is_none() && textures().all(|t| t.is_opaque());
+        let uses_uv = state.uv_mapping || object.uv_mapping || state.cutaway.is_some() || textures().any(|t| t.uses_uv());
         let hidden = [state.no_image, state.no_reflection, state.no_shadow, state.no_radiosity];
         let resolved = Object {
             world_from_solid: state.world_from_parent,
@@ -385,6 +393,8 @@ impl<'a> Builder<'a> {
             object: Arc::new(resolved),
             own_textures,
             cutaway: state.cutaway.map(pending),
+            opaque,
+            uses_uv,
         });
         Some((Kind::Leaf(self.tree.leaves.len() as u32 - 1), bounds, inside))
     }

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use etendue_procedural::{Images, Texture};
 use etendue_scene::desc::classic::Object;
@@ -10,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::bvh::Bvh;
 use super::trace::{Query, RawHit, Scratch};
 use super::tree::{Builder, Kind, NodeId, Tree};
-use super::{Bounds, Line, Primitive, RayKind, SolidHit};
+use super::{Bounds, Line, NO_UV, Primitive, RayKind, SolidHit};
 
 /// All objects of a scene.
 pub struct World {
@@ -113,6 +114,43 @@ impl World {
         });
     }
 
+    /// Visits what light passes on a line between `t_min` and `t_max`, in no particular order, until `visit` returns false; returns whether
+    /// something opaque blocks it altogether, which `visit` need not have seen.
+    ///
+    /// `last` is what blocked the line before: it is asked first, as it mostly blocks its neighbors too. It changes no answer.
+    pub fn shadow(&self, line: &Line, t_min: f64, t_max: f64, last: &AtomicU32, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) -> bool {
+        let query = Query::new(line, t_min, RayKind::Shadow);
+        with_scratch(|scratch| {
+            let before = last.load(Relaxed);
+            if (before as usize) < self.tree.roots.len() {
+                if self.tree.blocks(self.root(before), &query, t_max, scratch) {
+                    return true;
+                }
+                last.store(u32::MAX, Relaxed);
+            }
+            let mut blocked = false;
+            let mut root = |i: u32| {
+                scratch.hits.clear();
+                if self.tree.blocks(self.root(i), &query, t_max, scratch) {
+                    last.store(i, Relaxed);
+                    blocked = true;
+                    return false;
+                }
+                for k in 0..scratch.hits.len() {
+                    let hit = scratch.hits[k];
+                    if !visit(self.hit(line, &hit)) {
+                        return false;
+                    }
+                }
+                true
+            };
+            if self.unbounded.iter().all(|&i| root(i)) {
+                self.bvh.visit(line, t_min, t_max, |i, _| root(i));
+            }
+            blocked
+        })
+    }
+
     /// The objects (leaves with interiors and textures filled in) that a point is inside of.
     pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
         for &i in &self.unbounded_inside {
@@ -166,6 +204,13 @@ impl World {
         }
     }
 
+    /// Surface coordinates of a hit, which [`SolidHit::uv`] has only where a texture needs them.
+    pub fn uv(&self, hit: &SolidHit<'_>) -> DVec2 {
+        let Some(leaf) = self.tree.leaves.get(hit.leaf as usize) else { return hit.uv };
+        let uv = leaf.shape.uv(leaf.local_point(hit.p), &hit.crossing);
+        if uv.is_nan() { DVec2::new(hit.p.x, hit.p.y) } else { uv }
+    }
+
     fn root(&self, i: u32) -> NodeId {
         self.tree.roots[i as usize]
     }
@@ -176,7 +221,7 @@ impl World {
         let local = leaf.local_point(p);
         let n = leaf.shape.normal(local, &hit.crossing);
         let ng = leaf.shape.geometric_normal(local, &hit.crossing);
-        let uv = leaf.shape.uv(local, &hit.crossing);
+        let uv = if leaf.uses_uv { leaf.shape.uv(local, &hit.crossing) } else { NO_UV };
         SolidHit {
             t: hit.crossing.t,
             p,
