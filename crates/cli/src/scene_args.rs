@@ -29,10 +29,10 @@ pub struct SceneArgs {
     /// `clock` of a POV-Ray scene.
     #[arg(long, value_name = "NUMBER", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Reading")]
     pub clock: f64,
-    /// `frame_number` of a POV-Ray scene that is an animation.
+    /// `frame_number` of a POV-Ray scene; 0 for a picture that is no frame of an animation.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, help_heading = "Reading")]
     pub frame: i32,
-    /// `final_frame` of a POV-Ray scene that is an animation.
+    /// `final_frame` of a POV-Ray scene.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, help_heading = "Reading")]
     pub frames: i32,
     /// Folder in which a POV-Ray scene may write files (#fopen); without one they are kept in memory.
@@ -81,16 +81,14 @@ impl SceneArgs {
                 [None, Some(n)] => [scaled(n, w, h), n],
                 [None, None] => [w, h],
             };
-            let animation = self.frames > 0;
-            PovOptions {
-                declares: self.defines.clone(),
-                clock: self.clock,
-                is_animation: animation,
-                frame: self.frame,
-                frames: if animation { [1, self.frames] } else { default.frames },
-                size,
-                ..default
+            let mut options = PovOptions { declares: self.defines.clone(), clock: self.clock, size, ..default };
+            if self.frame > 0 {
+                options.is_animation = true;
+                options.frame = self.frame;
+                options.frames = [1, self.frames.max(self.frame)];
+                options.clocks = [0.0, 1.0];
             }
+            options
         });
         options.output_folder.clone_from(&self.script_output);
         options.probe = Some(Arc::new(WorldProbe::new()));

@@ -229,3 +229,32 @@ fn aim(camera: &mut Camera, target: DVec3, sky: DVec3) {
     camera.up = forward.cross(aside) * up;
     camera.right = aside * if mirrored { -right } else { right };
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(text: &str) -> Camera {
+        let mut parser = Parser::from_text(text);
+        assert!(parser.parse_scene().is_ok(), "{text}");
+        parser.scene.camera
+    }
+
+    #[test]
+    fn vectors_in_one_plane_are_mirrored() {
+        let from_above = camera("camera { location y*3 up z right x sky z look_at 0 }");
+        assert!((from_above.right - DVec3::NEG_X).length() < 1e-12 && (from_above.up - DVec3::Z).length() < 1e-12);
+        let turned = camera("camera { location -z*3 up y right x look_at 0 }");
+        assert!((turned.right - DVec3::X).length() < 1e-12);
+    }
+
+    #[test]
+    fn copies_of_orthographic_cameras_keep_their_size() {
+        let text = "#declare C = camera { orthographic angle 15 location <20, 20, -20> right x*4/3 look_at 0 }";
+        let first = camera(&format!("{text} camera {{ C }}"));
+        let again = camera(&format!("{text} #declare D = camera {{ C }} camera {{ D translate x }}"));
+        assert_eq!(first.right.length(), again.right.length());
+        // 2 · √1200 · tan 7.5°
+        assert!((first.right.length() - 9.1212).abs() < 1e-3, "{}", first.right.length());
+    }
+}

@@ -170,11 +170,16 @@ impl Parser {
         let source = if self.peek_word()? == Some("function") {
             self.height_function(span)?
         } else {
-            self.accept_any(&["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff", "bmp"])?;
+            let kind = self.accept_any(&["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff", "bmp"])?;
             let at = self.span();
             let name = self.string()?;
             let options = self.image_options()?;
-            HeightSource::Image(self.image(&name, at, ImageContent::Data, options)?)
+            let image = self.image(&name, at, ImageContent::Data, options)?;
+            if kind == Some("pot") || name.to_ascii_lowercase().ends_with(".pot") {
+                HeightSource::Potential(image)
+            } else {
+                HeightSource::Image(image)
+            }
         };
         let mut field = HeightField { source, smooth: false, water_level: 0.0 };
         loop {
