@@ -18,7 +18,7 @@ fn object(solid: Solid, rgb: DVec3, finish: Finish) -> Object {
         normal: None,
         finish: Arc::new(finish),
     }])));
-    o.hollow = true;
+    (o.hollow, o.hollow_stated) = (true, true);
     o
 }
 
@@ -32,6 +32,7 @@ fn room(finish: Finish, rgb: DVec3, radiosity: Radiosity) -> ClassicScene {
     let camera = Camera { location: DVec3::new(0.0, 0.0, -0.3), ..Camera::default() };
     let mut s = ClassicScene { camera, ..ClassicScene::default() };
     s.objects.push(Arc::new(object(Solid::Sphere { center: DVec3::ZERO, radius: 1.0 }, rgb, finish)));
+    s.settings.gamma_given = true;
     s.settings.radiosity = Some(radiosity);
     s
 }
@@ -159,9 +160,9 @@ fn hostile_settings_end() {
             count: 2,
             ..Radiosity::default()
         };
-        rgb(&furnished(hostile), [4, 3]);
+        rgb(&furnished(hostile), [2, 1]);
         let mut far = furnished(Radiosity { count: 2, ..Radiosity::default() });
         far.camera.location = DVec3::splat(bad);
-        rgb(&far, [4, 3]);
+        rgb(&far, [2, 1]);
     }
 }

@@ -17,7 +17,7 @@ use super::trace::{DEPTH_LIMIT, Ray, Tracer};
 use super::{ClassicWorld, peak};
 use crate::sampler::{Sampler, SamplerKind};
 use crate::solid::{Line, RayKind};
-use samples::{Level, Mean, Point, add_means};
+use samples::{Level, Mean, Point};
 
 use std::f64::consts::TAU;
 
@@ -25,7 +25,7 @@ use std::f64::consts::TAU;
 const BATCH: usize = 64;
 const FIRST_BATCH: usize = 8;
 /// Rays for one pixel of the grids.
-const PIXEL_RAYS: u32 = 1_000_000;
+const PIXEL_RAYS: u32 = 250_000;
 /// Rays for all grids, for each pixel of the picture, and at least. Only made-up scenes need more.
 const RAYS_PER_PIXEL: u64 = 20_000;
 const LEAST_RAYS: u64 = 20_000_000;
@@ -180,7 +180,7 @@ pub(super) struct Gathering<'a> {
     cache: &'a Cache,
     pass: Pass,
     /// Points made by this tracer, by level.
-    own: Vec<Vec<Point>>,
+    own: Vec<Level>,
 }
 
 impl<'a> Gathering<'a> {
@@ -203,14 +203,14 @@ impl<'a> Gathering<'a> {
 impl<'a> Tracer<'a, '_> {
     /// Makes new points beside those of a cache.
     fn gather_into(&mut self, cache: &'a Cache, pass: Pass) {
-        let own = cache.levels.iter().map(|_| Vec::new()).collect();
+        let own = cache.levels.iter().map(|_| Level::default()).collect();
         self.gathering = Some(Gathering { cache, pass, own });
         self.ray_limit = PIXEL_RAYS;
     }
 
     /// The points made.
     fn take_points(&mut self) -> Vec<Vec<Point>> {
-        self.gathering.take().map(|g| g.own).unwrap_or_default()
+        self.gathering.take().map(|g| g.own.into_iter().map(Level::into_points).collect()).unwrap_or_default()
     }
 
     /// Light from all surfaces around that falls on a place: its irradiance over π. `ray` is the one that led there.
@@ -224,7 +224,9 @@ impl<'a> Tracer<'a, '_> {
         let many = index == 0 && (pass == Pass::Grid || pass == Pass::Pixels && settings.always_sample);
         let wanted = if many { settings.nearest_count.max(1) } else { 1 };
         let mut mean = level.mean(p, n, bound);
-        add_means(&mut mean, g.own.get(index).map_or(&[], |o| o), p, n, bound);
+        if let Some(own) = g.own.get(index) {
+            mean.merge(&own.mean(p, n, bound));
+        }
         if pass == Pass::Picture && mean.count == 0 {
             // Better a far point than none: the picture's pass is not to make new ones.
             mean = level.loose_mean(p, n, bound);
@@ -235,8 +237,10 @@ impl<'a> Tracer<'a, '_> {
             } else {
                 let point = self.gather(p, n, index, &ray.inside);
                 mean.add(&point, 0.0, bound);
-                if let Some(own) = self.gathering.as_mut().and_then(|g| g.own.get_mut(index)) {
-                    own.push(point);
+                // With all rays spent it has seen too little.
+                let complete = self.rays() < self.ray_limit;
+                if let Some(own) = self.gathering.as_mut().and_then(|g| g.own.get_mut(index)).filter(|_| complete) {
+                    own.insert(point, settings.error_bound);
                 }
             }
         }

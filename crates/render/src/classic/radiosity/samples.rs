@@ -26,9 +26,13 @@ pub(super) struct Point {
 
 impl Point {
     /// Ward's error of using the point at another place (1988, eq. 4 without its constant); infinite where the place sees what the point
-    /// does not.
-    fn error(&self, p: DVec3, n: DVec3) -> f64 {
+    /// does not, and where distance alone makes it greater than the bound.
+    fn error(&self, p: DVec3, n: DVec3, bound: f64) -> f64 {
         let d = p - self.p;
+        let reach = bound * self.radius;
+        if d.length_squared() > reach * reach {
+            return f64::INFINITY;
+        }
         // What lies behind the place sees other things than the point does.
         if d.dot(n + self.n) < -0.05 * self.radius {
             return f64::INFINITY;
@@ -59,6 +63,13 @@ impl Mean {
         self.count += 1;
     }
 
+    /// Adds what other points say.
+    pub(super) fn merge(&mut self, other: &Self) {
+        self.weight += other.weight;
+        self.color += other.color;
+        self.count += other.count;
+    }
+
     /// The mean; `None` where nothing counts.
     pub(super) fn color(&self) -> Option<DVec3> {
         (self.weight > 0.0).then(|| self.color / self.weight)
@@ -85,8 +96,8 @@ impl Hasher for Plain {
     }
 }
 
-/// Points of one recursion level. Each is listed in the cells, up to eight and as large as twice its reach, that it reaches; so a place
-/// looks into one cell of each size only.
+/// Points of one recursion level. Each is listed in the cells, up to 27 and as large as its reach, that it reaches; so a place looks into
+/// one cell of each size only.
 #[derive(Default)]
 pub(super) struct Level {
     points: Vec<Point>,
@@ -104,12 +115,12 @@ impl Level {
         if self.points.len() >= POINT_LIMIT || !sane {
             return;
         }
-        // The next power of two above twice the reach.
-        let size = (fns::log2(2.0 * reach).clamp(-60.0, 60.0) + 1.0).floor() as i32;
+        // The next power of two above the reach.
+        let size = (fns::log2(reach).clamp(-60.0, 60.0) + 1.0).floor() as i32;
         let (a, b) = (cell(point.p - reach, size), cell(point.p + reach, size));
-        for x in a[0]..=b[0].min(a[0] + 1) {
-            for y in a[1]..=b[1].min(a[1] + 1) {
-                for z in a[2]..=b[2].min(a[2] + 1) {
+        for x in a[0]..=b[0].min(a[0] + 2) {
+            for y in a[1]..=b[1].min(a[1] + 2) {
+                for z in a[2]..=b[2].min(a[2] + 2) {
                     self.cells.entry(key([x, y, z], size)).or_default().push(self.points.len() as u32);
                 }
             }
@@ -133,7 +144,7 @@ impl Level {
     pub(super) fn mean(&self, p: DVec3, n: DVec3, bound: f64) -> Mean {
         let mut mean = Mean::default();
         self.visit(p, |point| {
-            let error = point.error(p, n);
+            let error = point.error(p, n, bound);
             if error < bound {
                 mean.add(point, error, bound);
             }
@@ -145,7 +156,7 @@ impl Level {
     pub(super) fn loose_mean(&self, p: DVec3, n: DVec3, bound: f64) -> Mean {
         let mut mean = Mean::default();
         self.visit(p, |point| {
-            let wide = point.error(p, n) / (2.0 * bound);
+            let wide = point.error(p, n, 2.0 * bound) / (2.0 * bound);
             let near = (p - point.p).length() / (1.5 * point.pixel) + point.rotation(n) / SAME_FACE;
             let error = wide.min(near);
             if error < 1.0 {
@@ -155,19 +166,14 @@ impl Level {
         mean
     }
 
+    /// The points in the order of their insertion.
+    pub(super) fn into_points(self) -> Vec<Point> {
+        self.points
+    }
+
     /// The mean of all points; black without any.
     pub(super) fn average(&self) -> DVec3 {
         self.sum / (self.points.len() as f64).max(1.0)
-    }
-}
-
-/// What the points among some with errors below the bound add to a mean.
-pub(super) fn add_means(mean: &mut Mean, points: &[Point], p: DVec3, n: DVec3, bound: f64) {
-    for point in points {
-        let error = point.error(p, n);
-        if error < bound {
-            mean.add(point, error, bound);
-        }
     }
 }
 
@@ -221,9 +227,9 @@ mod tests {
     #[test]
     fn error_grows_with_distance_and_angle() {
         let q = point(DVec3::ZERO, 2.0);
-        assert!((q.error(DVec3::X, DVec3::Z) - 0.5).abs() < 1e-12);
-        assert!(q.error(DVec3::X, DVec3::new(0.6, 0.0, 0.8)) > 0.9);
-        assert_eq!(q.error(DVec3::new(0.0, 0.0, -1.0), DVec3::Z), f64::INFINITY);
+        assert!((q.error(DVec3::X, DVec3::Z, 9.0) - 0.5).abs() < 1e-12);
+        assert!(q.error(DVec3::X, DVec3::new(0.6, 0.0, 0.8), 9.0) > 0.9);
+        assert_eq!(q.error(DVec3::new(0.0, 0.0, -1.0), DVec3::Z, 9.0), f64::INFINITY);
     }
 
     #[test]
