@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etendue_procedural::Texture;
+use etendue_procedural::{Layer, Texture};
 
 use super::super::{Parse, Parser};
 use super::pattern::pick;
@@ -19,12 +19,14 @@ impl Parser {
                 return Err(self.unexpected("an object"));
             }
         }
+        map_by_uv(&mut object);
         Ok(object)
     }
 
     /// One modifier, if one follows.
     fn modifier(&mut self, object: &mut Object) -> Parse<bool> {
         if let Some(matrix) = self.accept_transform()? {
+            map_by_uv(object);
             object.transform(&matrix);
             return Ok(true);
         }
@@ -243,5 +245,18 @@ impl Parser {
         part.texture = Some(texture.clone());
         self.component_modifiers(&mut part)?;
         Ok(part.texture.unwrap_or(texture))
+    }
+}
+
+/// `uv_mapping` of an object is that of its textures, also of those that come after it.
+fn map_by_uv(object: &mut Object) {
+    if !object.uv_mapping {
+        return;
+    }
+    for texture in [&mut object.texture, &mut object.interior_texture].into_iter().flatten() {
+        match Arc::make_mut(texture) {
+            Texture::Patterned(patterned) => patterned.uv_mapping = true,
+            Texture::Layers(layers) => layers.iter_mut().for_each(Layer::map_by_uv),
+        }
     }
 }

@@ -180,3 +180,17 @@ fn letters() {
         }
     }
 }
+
+#[test]
+fn uv_mapping_of_an_object_is_that_of_its_texture() {
+    let pigment = "pigment { checker rgb 0 rgb 1 scale 0.5 }";
+    for text in [
+        format!("box {{ -1, 1 uv_mapping texture {{ {pigment} }} rotate y*90 }}"),
+        format!("box {{ -1, 1 {pigment} uv_mapping }}"),
+        format!("box {{ -1, 1 texture {{ uv_mapping {pigment} }} }}"),
+    ] {
+        let object = one(&text);
+        let layers = object.texture.as_ref().and_then(|t| t.layers()).unwrap();
+        assert!(matches!(&layers[0].pigment, Pigment::Patterned(p) if p.uv_mapping), "{text}");
+    }
+}
