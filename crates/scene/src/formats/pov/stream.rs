@@ -239,8 +239,14 @@ impl Parser {
         if let Some(f) = self.frames.last_mut() {
             f.at += 1;
         }
-        self.work += 1;
-        if self.work.is_multiple_of(1 << 20) {
+        self.spend(1)
+    }
+
+    /// Counts work, in tokens, towards the limit.
+    pub(super) fn spend(&mut self, work: u64) -> Parse<()> {
+        let before = self.work;
+        self.work = before.saturating_add(work);
+        if before >> 20 != self.work >> 20 {
             self.check_time()?;
         }
         if self.work > self.options.work_limit {
