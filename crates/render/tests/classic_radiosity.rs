@@ -1,6 +1,8 @@
 //! Radiosity of the classic model: closed forms in closed rooms, values measured from pictures of POV-Ray 3.7.0.10 (16 bits,
 //! `File_Gamma=1.0`), and settings nobody should use.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::sync::Arc;
 
 use etendue_procedural::{Color, Finish, Layer, Pigment, Texture};
