@@ -6,6 +6,7 @@ use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
 use super::{Antialias, Aov, Session};
+use crate::classic::WorkingSpace;
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
 use crate::integrator;
 use crate::sampler::{Sampler, SamplerKind};
@@ -178,7 +179,11 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
-    let spec = FilmSpec { crop: plan.crop, filter: plan.filter, ..FilmSpec::new(plan.width, plan.height) };
+    let space = match &desc.classic {
+        Some(classic) if plan.integrator == "whitted" => WorkingSpace::new(&classic.settings),
+        _ => WorkingSpace::Linear,
+    };
+    let spec = FilmSpec { crop: plan.crop, filter: plan.filter, space, ..FilmSpec::new(plan.width, plan.height) };
     let meta = FilmMeta {
         seed: settings.seed,
         integrator: plan.integrator.clone(),
