@@ -333,7 +333,7 @@ fn blur_takes_all_samples_and_settings_exclude_each_other() {
     s.camera.blur.aperture = 0.1;
     s.camera.blur.samples = [4, 9];
     let (mut session, stop) = session(s, &sized(4, 3), None);
-    assert_eq!(render(&mut session, &stop, 1).sample_count(0, 0), job::CLASSIC_SPP);
+    assert_eq!(render(&mut session, &stop, 1).sample_count(0, 0), 9);
     let mut desc = SceneDesc::new("pov", "test.pov");
     desc.classic = Some(Box::new(edge()));
     for settings in [

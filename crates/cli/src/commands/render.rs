@@ -108,6 +108,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if keeps_film {
         session.set_scene_hash(desc.content_hash());
     }
+    if !args.quiet {
+        session.warnings().iter().for_each(|w| note(&format!("warning: {w}")));
+    }
     resume(&args, &mut session)?;
     let cancel = Cancel::default();
     let handler = cancel.clone();

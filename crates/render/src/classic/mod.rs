@@ -16,6 +16,7 @@ mod finish;
 mod gamma;
 mod images;
 mod light;
+mod losses;
 mod media;
 mod mesh_camera;
 mod radiosity;
@@ -26,6 +27,7 @@ mod trace;
 
 pub use gamma::WorkingSpace;
 pub(crate) use images::NotedPictures;
+pub use losses::losses;
 
 use std::sync::Arc;
 

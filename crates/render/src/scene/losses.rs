@@ -38,6 +38,9 @@ pub fn losses(desc: &SceneDesc) -> Vec<Loss> {
             add(node.span, "blend of more than eight models", "the models beyond the eighth are left out");
         }
     }
+    if let Some(classic) = &desc.classic {
+        losses.extend(crate::classic::losses(classic));
+    }
     losses
 }
 

@@ -14,8 +14,6 @@ use crate::scene;
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
-/// The same for scenes of the classic model whose camera blurs: there every pixel needs several.
-pub const CLASSIC_SPP: u32 = 9;
 /// Threshold of antialiasing for scenes of the classic model.
 pub const CLASSIC_ANTIALIAS: f32 = 0.3;
 /// Rows and columns of samples that antialiasing adds.
@@ -104,7 +102,7 @@ impl Plan {
         let antialias = antialias(desc, settings)?;
         let spp = match (antialias, &desc.classic) {
             (Some(antialias), _) => antialias.spp(),
-            (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(if classic.camera.blur.is_on() { CLASSIC_SPP } else { 1 }),
+            (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(classic.camera.samples().unwrap_or(1)),
             (None, None) => settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP),
         };
         if spp == 0 {
@@ -130,9 +128,9 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
     }
     let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
-    let blurs = desc.classic.as_ref().is_some_and(|c| c.camera.blur.is_on());
+    let has_own = desc.classic.as_ref().is_some_and(|c| c.camera.samples().is_some());
     let threshold = match settings.antialias {
-        _ if blurs => 0.0,
+        _ if has_own => 0.0,
         // One sample goes through the center, as in POV-Ray.
         Some(t) if !(t > 0.0) && desc.classic.is_some() && settings.spp.is_none() => f32::INFINITY,
         given => given.unwrap_or(default),

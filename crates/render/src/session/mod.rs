@@ -161,6 +161,11 @@ impl Session {
         self.film.merge(film)
     }
 
+    /// Sentences about what the scene names and could not be loaded.
+    pub fn warnings(&self) -> &[String] {
+        &self.scene.warnings
+    }
+
     /// The film as it is.
     pub fn film(&self) -> &Film {
         &self.film

@@ -116,6 +116,15 @@ impl Default for Camera {
 }
 
 impl Camera {
+    /// How many rays a pixel needs, where the camera itself says it: focal blur and cameras of meshes, whose pixels are no areas.
+    pub fn samples(&self) -> Option<u32> {
+        match &self.kind {
+            CameraKind::Mesh(mesh) if mesh.distribution < 3 => Some(mesh.rays_per_pixel.clamp(1, 4096)),
+            _ if self.blur.is_on() => Some(self.blur.samples[1].clamp(9, 100)),
+            _ => None,
+        }
+    }
+
     /// Moves the camera.
     pub fn transform(&mut self, world_from_old: &DMat4) {
         self.location = world_from_old.transform_point3(self.location);

@@ -1,0 +1,208 @@
+//! Small `.pov` texts against the colors that POV-Ray 3.7.0.10 gives them.
+//!
+//! Expected numbers were read from pictures of POV-Ray written with 16 bits and `File_Gamma=1.0`, most of one pixel; the camera of those
+//! looks along +z at the origin. Numbers above 1 cannot be told from 1.
+
+use std::path::Path;
+
+use etendue_render::session::job::{self, Plan};
+use etendue_render::session::{Cancel, Silent, Stop};
+use etendue_scene::RenderSettings;
+use etendue_scene::formats::{ReadOptions, pov};
+
+const HEAD: &str = "#version 3.7; global_settings { assumed_gamma 1 }\n";
+const CAMERA: &str = "camera { orthographic location -z*5 right 0.001*x up 0.001*y }\n";
+const WALL: &str = "box { <-9,-9,0>, <9,9,1> pigment { rgb 1 } finish { ambient 0 diffuse 1 } }\n";
+
+/// The picture of a text, row by row.
+fn picture(text: &str, size: [u32; 2]) -> Vec<[f32; 3]> {
+    let desc = pov::read_bytes(Path::new("test.pov"), text.as_bytes(), &ReadOptions::default()).unwrap();
+    // A threshold that no difference reaches: one sample in the middle of each pixel.
+    let settings = RenderSettings { width: Some(size[0]), height: Some(size[1]), antialias: Some(3.0), ..RenderSettings::default() };
+    let plan = Plan::new(&desc, &settings, None).unwrap();
+    let mut session = job::prepare(&desc, &settings, &plan, &[]).unwrap();
+    session.render(&Stop { spp: Some(plan.spp), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
+    session.into_film().develop().rgb().unwrap()
+}
+
+/// The pixel of a scene under the usual head and camera.
+fn pixel(scene: &str) -> [f32; 3] {
+    picture(&format!("{HEAD}{CAMERA}{scene}"), [1, 1])[0]
+}
+
+#[track_caller]
+fn is(scene: &str, expected: [f64; 3]) {
+    same(pixel(scene), expected, scene);
+}
+
+#[track_caller]
+fn same(got: [f32; 3], expected: [f64; 3], what: &str) {
+    for (a, b) in got.iter().zip(expected) {
+        assert!((f64::from(*a).clamp(0.0, 1.0) - b).abs() < 3e-4, "{what}: {got:?} is not {expected:?}");
+    }
+}
+
+fn sun(degrees: f64, color: &str) -> String {
+    let a = degrees.to_radians();
+    format!("light_source {{ <{}, 0, {}>*1e5, rgb {color} }}\n", a.sin(), -a.cos())
+}
+
+#[test]
+fn colors_follow_the_gamma_of_the_scene() {
+    let scene = format!("{CAMERA}box {{ <-9,-9,0>, <9,9,1> pigment {{ rgb 0.5 }} finish {{ ambient 1 diffuse 0 }} }}");
+    // 8-bit sRGB codes that POV-Ray writes, as linear light.
+    for (head, code) in [
+        ("", 127.502),
+        ("#version 3.7;\n", 187.518),
+        ("#version 3.6;\n", 127.502),
+        ("global_settings { assumed_gamma 2.2 }\n", 128.486),
+        ("#version 3.7; global_settings { assumed_gamma srgb }\n", 127.502),
+        ("#version 3.6; global_settings { assumed_gamma 1 }\n", 187.518),
+    ] {
+        let [v, ..] = picture(&format!("{head}{scene}"), [1, 1])[0];
+        let srgb = 1.055 * f64::from(v).powf(1.0 / 2.4) - 0.055;
+        assert!((srgb * 255.0 - code).abs() < 0.1, "{head}: {}", srgb * 255.0);
+    }
+}
+
+#[test]
+fn interiors_fade_what_is_seen_through_them() {
+    let ball = |items: &str| {
+        format!("background {{ rgb 1 }} sphere {{ 0, 1 pigment {{ rgbt 1 }} finish {{ ambient 0 diffuse 0 }} interior {{ {items} }} }}")
+    };
+    is(&ball("fade_distance 1 fade_power 2"), [0.2; 3]);
+    is(&ball("fade_distance 1 fade_power 1 fade_color <1,.5,0>"), [1.0, 0.66667, 0.33333]);
+    is(&ball("fade_distance 2 fade_power 1000 fade_color <.9,.5,.1>"), [0.90484, 0.60653, 0.40658]);
+    is(&ball("fade_distance 2 fade_power 999"), [0.5; 3]);
+}
+
+#[test]
+fn shadows_of_transparent_things() {
+    let through = |what: &str| format!("{}{WALL}sphere {{ -z*2, 1 no_image finish {{ ambient 0 diffuse 0 }} {what} }}", sun(0.0, "1"));
+    is(&through("pigment { rgbf <.9,.5,.2,.8> }"), [0.51839, 0.16001, 0.0256]);
+    is(&through("pigment { rgbf <.9,.5,.2,.8> } interior { ior 1.5 }"), [0.51839, 0.16001, 0.0256]);
+    is(&through("pigment { rgbt 1 } interior { fade_distance 1 fade_power 1 fade_color <1,.5,0> }"), [1.0, 0.66667, 0.33333]);
+    for (x, power, value) in [(0.0, 1.0, 4.0), (0.2, 0.5, 2.6627), (0.2, 1.0, 1.95758), (0.4, 0.5, 1.30114), (0.2, 2.0, 1.34401)] {
+        let scene = format!(
+            "{}{WALL}sphere {{ <{x},0,-2>, 1 no_image pigment {{ rgbt 1 }} finish {{ ambient 0 diffuse 0 }} interior {{ ior 1.5 caustics {power} }} }}",
+            sun(0.0, "0.1")
+        );
+        is(&scene, [value * 0.1; 3]);
+    }
+}
+
+#[test]
+fn total_reflection_is_whole() {
+    let prism = |items: &str| {
+        format!(
+            "background {{ rgb 1 }} intersection {{ box {{ -1, 1 }} plane {{ z, 0 rotate -x*45 }} pigment {{ rgbf <.5,.5,.5,1> }} {items} }}"
+        )
+    };
+    is(&prism("finish { ambient 0 diffuse 0 } interior { ior 1.5 }"), [0.25; 3]);
+    is(&prism("finish { ambient 0 diffuse 0 } interior { ior 1 }"), [0.25; 3]);
+    is(&prism("finish { ambient 0 diffuse 0 reflection { 0, 1 fresnel } conserve_energy } interior { ior 1.5 }"), [0.27041; 3]);
+}
+
+#[test]
+fn levels_count_bends_and_mirrors() {
+    let seen = |levels: u32, balls: u32, interior: &str| {
+        let mut scene = format!(
+            "#version 3.7; global_settings {{ assumed_gamma 1 max_trace_level {levels} }}\n{CAMERA}background {{ rgb <.5,.8,.4> }}\n"
+        );
+        for i in 0..balls {
+            scene += &format!("sphere {{ z*{i}, 0.4 pigment {{ rgbt <0,0,0,1> }} finish {{ ambient 0 diffuse 0 }} {interior} }}\n");
+        }
+        picture(&scene, [1, 1])[0][1]
+    };
+    // Straight rays take no level but want one to be left; bent ones take one each.
+    assert_eq!([seen(1, 1, ""), seen(2, 1, ""), seen(2, 5, "")].map(|v| v > 0.5), [false, true, true]);
+    let bent = "interior { ior 1.001 }";
+    assert_eq!([seen(2, 1, bent), seen(3, 1, bent), seen(4, 2, bent), seen(5, 2, bent)].map(|v| v > 0.5), [false, true, false, true]);
+}
+
+#[test]
+fn sky_pigments_in_layers() {
+    let sky = |version: &str, pigments: &str| {
+        picture(&format!("#version {version}; global_settings {{ assumed_gamma 1 }}\n{CAMERA}sky_sphere {{ {pigments} }}"), [1, 1])[0]
+    };
+    let two = |top: &str| format!("pigment {{ rgb <.9,.5,.2> }} pigment {{ {top} }}");
+    same(sky("3.7", &two("rgbf <.2,.4,.6,.5>")), [0.19001, 0.30001, 0.36001], "filter, 3.7");
+    same(sky("3.5", &two("rgbf <.2,.4,.6,.5>")), [0.55, 0.45, 0.4], "filter, 3.5");
+    same(sky("3.7", &two("rgbft <.2,.4,.6,.5,.25>")), [0.365, 0.325, 0.26], "both, 3.7");
+    same(sky("3.5", &two("rgbft <.2,.4,.6,.5,.25>")), [0.725, 0.475, 0.30001], "both, 3.5");
+    same(sky("3.7", "pigment { rgb <.9,.5,.2> } emission .5"), [0.45, 0.25, 0.10001], "emission");
+}
+
+#[test]
+fn media_give_take_and_scatter() {
+    let inside = |media: &str, more: &str| {
+        format!(
+            "box {{ <-9,-9,0>, <9,9,2> hollow {more} pigment {{ rgbt 1 }} finish {{ ambient 0 diffuse 0 }} interior {{ media {{ {media} }} }} }}"
+        )
+    };
+    is(&inside("emission <.1,.2,.05>", ""), [0.2, 0.4, 0.10001]);
+    is(&format!("background {{ rgb 1 }}{}", inside("absorption <.1,.2,.5>", "")), [0.81873, 0.67032, 0.36788]);
+    // The mean over a piece is taken before its own extinction: more samples come nearer to 0.12642.
+    for (items, value) in [("", 0.13725), ("samples 1", 0.16065), ("samples 5", 0.14867), ("samples 20", 0.13227)] {
+        is(&inside(&format!("emission .1 absorption .5 {items}"), ""), [value; 3]);
+    }
+    is(&format!("{}{}", sun(90.0, "1"), inside("scattering { 1, .5 } samples 30", "no_shadow")), [0.65208; 3]);
+    is(&format!("{}{}", sun(0.0, "1"), inside("scattering { 1, .1 } samples 30", "no_shadow")), [0.18241; 3]);
+    is(&format!("background {{ rgb 1 }}{}", inside("scattering { 1, .5 extinction .5 }", "")), [0.60653; 3]);
+    is(&inside("emission .5 density { rgb .5 } density { rgb <1,.5,.2> }", ""), [0.5, 0.25, 0.1]);
+    // A density that differs from place to place is sampled at fixed places, of which a third lie beyond the step.
+    let step = "density { gradient z color_map { [0.4 rgb 0][0.4 rgb 1] } scale 2 }";
+    is(&inside(&format!("emission .45 samples 1 aa_threshold 100 {step}"), ""), [0.3; 3]);
+    is(
+        &format!("media {{ absorption .1 }}{}", "box { <-9,-9,0>, <9,9,1> pigment { rgb 1 } finish { ambient 1 diffuse 0 } }"),
+        [0.60653; 3],
+    );
+}
+
+#[test]
+fn lights_in_media() {
+    let lamp = |items: &str| format!("light_source {{ -z*10, rgb 1 {items} }} media {{ absorption .1 }}{WALL}");
+    is(&lamp(""), [0.60653; 3]);
+    is(&lamp("media_attenuation on"), [0.22313; 3]);
+}
+
+#[test]
+fn cameras_send_the_same_rays() {
+    let sky = "sky_sphere { pigment { average pigment_map {
+        [1 function { (x + 1) / 2 } color_map { [0 rgb 0][1 rgb x*3] }]
+        [1 function { (y + 1) / 2 } color_map { [0 rgb 0][1 rgb y*3] }]
+        [1 function { (z + 1) / 2 } color_map { [0 rgb 0][1 rgb z*3] }] } } }\n";
+    // Directions through pixel (2, 2) and (6, 3) of 8 × 6.
+    for (kind, a, b) in [
+        ("perspective", [-0.1713, -0.0823, 0.9818], [0.7563, -0.3030, 0.5798]),
+        ("ultra_wide_angle", [-0.0837, -0.1160, 0.9897], [0.6963, -0.3056, 0.6495]),
+        ("panoramic", [-0.5301, 0.1005, 0.8419], [0.9517, -0.2983, 0.0726]),
+        ("cylinder 1", [-0.0809, -0.1009, 0.9916], [0.6923, -0.3205, 0.6466]),
+        ("cylinder 2", [-0.1145, -0.0865, 0.9897], [0.7049, -0.3172, 0.6344]),
+        ("cylinder 3", [-0.0886, -0.2232, 0.9707], [0.7048, -0.2015, 0.6802]),
+        ("cylinder 4", [0.2415, -0.0924, 0.9660], [0.2249, -0.3741, 0.8997]),
+        ("spherical", [-0.0843, -0.1520, 0.9848], [0.6988, -0.2716, 0.6618]),
+        ("omnimax", [-0.2839, 0.2620, 0.9224], [0.9173, -0.0329, 0.3967]),
+    ] {
+        let camera = format!("camera {{ {kind} location <1,2,3> right 2*x up 1.5*y direction 1.2*z angle 100 look_at <2,1,7> }}");
+        let sent = picture(&format!("{HEAD}{sky}{camera}"), [8, 6]);
+        for (pixel, d) in [([2usize, 2usize], a), ([6, 3], b)] {
+            let got = sent[pixel[1] * 8 + pixel[0]].map(|v| f64::from(v) * 2.0 - 1.0);
+            let error = got.iter().zip(d).map(|(g, d)| (g - d).abs()).fold(0.0, f64::max);
+            assert!(error < 3e-3, "{kind} {pixel:?}: {got:?} is not {d:?}");
+        }
+    }
+}
+
+#[test]
+fn light_groups_keep_to_themselves() {
+    let group = |items: &str| {
+        format!(
+            "{}light_group {{ light_source {{ -z*1e5, rgb <1,0,0> }} box {{ <-9,-9,0>, <9,9,1> pigment {{ rgb 1 }} finish {{ ambient 0 diffuse .5 }} }} {items} }}",
+            sun(60.0, "<0,1,0>")
+        )
+    };
+    is(&group("global_lights off"), [0.5, 0.0, 0.0]);
+    is(&group("global_lights on"), [0.5, 0.25, 0.0]);
+    is(&format!("light_group {{ light_source {{ -z*1e5, rgb 1 }} }}{WALL}"), [0.0; 3]);
+}
