@@ -30,6 +30,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
     let desc = args.scene.read([None, None])?;
+    if desc.classic.is_some() {
+        return Err(coded(
+            exit::FAILURE,
+            format!("{}: POV-Ray scenes cannot be converted to other formats yet", args.scene.scene.display()),
+        ));
+    }
     if !args.quiet {
         report_losses(&desc);
     }

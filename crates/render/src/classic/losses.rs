@@ -7,7 +7,8 @@ use etendue_scene::{Loss, Span};
 /// Features that are read but not rendered, each named once, with its first place.
 pub fn losses(scene: &ClassicScene) -> Vec<Loss> {
     let mut losses = Vec::new();
-    let mut add = |span: Span, feature: &str, effect: &str| losses.push(Loss { span, feature: feature.to_owned(), effect: effect.to_owned() });
+    let mut add =
+        |span: Span, feature: &str, effect: &str| losses.push(Loss { span, feature: feature.to_owned(), effect: effect.to_owned() });
     if scene.settings.subsurface.is_some()
         && let Some(object) = find(&scene.objects, &|o| o.texture.as_deref().is_some_and(translucent))
     {

@@ -8,6 +8,7 @@ use std::io::Read;
 use serde::Serialize;
 
 use super::picture_size::picture_size;
+use crate::desc::classic::ClassicScene;
 use crate::desc::{GeometryDesc, ImageSource, LightDesc, ProjectionDesc, SceneDesc, TextureDesc};
 use crate::report::Severity;
 
@@ -136,7 +137,7 @@ impl Summary {
         });
         let (min, max) = crate::passes::world_bounds(desc);
         let warnings = desc.report.faults.iter().filter(|f| f.severity == Severity::Warning);
-        Self {
+        let mut summary = Self {
             format: desc.format.clone(),
             file: desc.files.first().map(|f| f.display().to_string()).unwrap_or_default(),
             shapes,
@@ -160,7 +161,20 @@ impl Summary {
             bounds_max: max.to_array(),
             warnings: warnings.map(|f| format!("{}: {}", f.span.display(&desc.files), f.message)).collect(),
             losses: desc.report.losses.iter().map(|l| format!("{}: {}: {}", l.span.display(&desc.files), l.feature, l.effect)).collect(),
+        };
+        if let Some(scene) = &desc.classic {
+            summary.add_classic(scene);
         }
+        summary
+    }
+
+    /// Counts the objects of a classic scene, its lights and its pictures.
+    fn add_classic(&mut self, scene: &ClassicScene) {
+        self.shapes.insert("object".to_owned(), scene.objects.len());
+        self.lights.insert("light_source".to_owned(), scene.lights.len());
+        self.media = scene.atmosphere.len();
+        self.cameras.push(format!("0 ({})", format!("{:?}", scene.camera.kind).to_lowercase()));
+        self.pictures.extend(scene.images.iter().map(|i| picture(&ImageSource::File(i.path.clone()))));
     }
 
     /// The figures as JSON.
