@@ -8,7 +8,7 @@ use std::io::Read;
 use serde::Serialize;
 
 use super::picture_size::picture_size;
-use crate::desc::classic::ClassicScene;
+use crate::desc::classic::{self, ClassicScene};
 use crate::desc::{GeometryDesc, ImageSource, LightDesc, ProjectionDesc, SceneDesc, TextureDesc};
 use crate::report::Severity;
 
@@ -174,7 +174,10 @@ impl Summary {
         self.lights.insert("light_source".to_owned(), scene.lights.len());
         self.media = scene.atmosphere.len();
         self.cameras.push(format!("0 ({})", format!("{:?}", scene.camera.kind).to_lowercase()));
-        self.pictures.extend(scene.images.iter().map(|i| picture(&ImageSource::File(i.path.clone()))));
+        self.pictures.extend(scene.images.iter().filter_map(|i| match &i.source {
+            classic::ImageSource::File(path) => Some(picture(&ImageSource::File(path.clone()))),
+            classic::ImageSource::Made { .. } => None,
+        }));
     }
 
     /// The figures as JSON.
