@@ -26,7 +26,7 @@ def package(name: str, *dependencies: str) -> dict[str, object]:
 def test_the_way_back_is_refused(check: ModuleType) -> None:
     packages = [package("etendue-scene", "serde", "etendue-render"), package("etendue-render", "etendue-scene")]
     faults = check.direction_faults({"packages": packages, "workspace_members": ["etendue-scene", "etendue-render"]})
-    assert faults == ["etendue-scene must not depend on etendue-render: the direction is cli, py → gpu → render → scene."]
+    assert faults == ["etendue-scene must not depend on etendue-render: the direction is cli, py → gpu → render → scene → procedural."]
 
 
 def test_crates_outside_of_the_list_are_refused(check: ModuleType) -> None:
