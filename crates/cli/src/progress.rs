@@ -85,6 +85,27 @@ impl Progress {
         }
     }
 
+    /// Shows what is done before the first sample.
+    pub fn stage(&self, what: &str, fraction: f64) {
+        match self {
+            Self::Bar(bar) => {
+                bar.set_position((fraction * STEPS as f64) as u64);
+                bar.set_message(what.to_owned());
+            }
+            Self::Json(last) => {
+                let Ok(mut last) = last.lock() else { return };
+                let now = Instant::now();
+                if fraction < 1.0 && last.is_some_and(|t| now - t < Duration::from_millis(100)) {
+                    return;
+                }
+                *last = Some(now);
+                let line = serde_json::json!({ "event": "stage", "what": what, "fraction": fraction });
+                let _ = writeln!(std::io::stderr(), "{line}");
+            }
+            Self::None => {}
+        }
+    }
+
     /// Removes the bar.
     pub fn finish(&self) {
         if let Self::Bar(bar) = self {

@@ -12,6 +12,7 @@ pub mod film;
 pub mod image;
 pub mod integrator;
 pub mod light;
+pub mod lightmap;
 pub mod material;
 pub mod math;
 pub mod medium;

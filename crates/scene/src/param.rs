@@ -105,6 +105,16 @@ macro_rules! params {
                 name: stringify!($field), kind: $kind, unit: $unit, default: stringify!($default), doc: concat!($($doc),*),
             }),*];
 
+            /// The parameters that differ from their defaults, as `name=value`, in the order of the declaration.
+            pub fn given(&self) -> String {
+                let default = Self::default();
+                let mut given: Vec<String> = Vec::new();
+                $(if self.$field != default.$field {
+                    given.push(format!(concat!(stringify!($field), "={:?}"), self.$field));
+                })*
+                given.join(" ")
+            }
+
             /// Sets a parameter from text.
             ///
             /// # Errors

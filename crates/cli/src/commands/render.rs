@@ -128,6 +128,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     watcher.progress.finish();
     let reason = reason?;
     watcher.result()?;
+    if !args.quiet {
+        session.notes().iter().for_each(|n| note(n));
+    }
     let elapsed = rendering.elapsed();
     let film = session.film();
     if let Some(path) = &args.checkpoint {
@@ -261,6 +264,10 @@ impl<'a> Watcher<'a> {
 }
 
 impl Observer for Watcher<'_> {
+    fn stage(&self, what: &str, fraction: f64) {
+        self.progress.stage(what, fraction);
+    }
+
     fn status(&self, status: &Status) {
         self.progress.update(status);
     }

@@ -1,6 +1,10 @@
 //! Integrators: estimates of the radiance that arrives along a camera ray.
 //!
-//! An integrator computes; it knows nothing of time, threads, files or progress. One sample in, one [`Estimate`] out.
+//! An integrator computes; it knows nothing of time, threads or files. One sample in, one [`Estimate`] out.
+//!
+//! Methods with stages of their own (radiosity, photon maps, shadow maps) do them in [`Integrator::prepare`], once, or in
+//! [`Integrator::begin_pass`], for a range of sample indices. Both are functions of the scene, the settings and the seed (and the
+//! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
 mod light_sampling;
@@ -41,6 +45,16 @@ pub struct FirstHit {
     pub material: u32,
 }
 
+/// Light that a sample brings to another pixel than its own: a path from a light that meets the camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Splat {
+    /// Point of the picture, in pixels from the upper left corner.
+    pub picture: Vec2,
+    /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
+    /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
+    pub radiance: Spectrum,
+}
+
 /// One sample of a pixel.
 #[derive(Clone, Debug, Default)]
 pub struct Estimate {
@@ -52,6 +66,8 @@ pub struct Estimate {
     pub groups: Vec<Spectrum>,
     /// What the camera sees first.
     pub first: Option<FirstHit>,
+    /// Light for other pixels; only of integrators that announce it by [`Integrator::splats`].
+    pub splats: Vec<Splat>,
     /// Asks for the texture coordinates of what the camera sees first; integrators to which they come free ignore it.
     pub wants_uv: bool,
 }
@@ -62,6 +78,7 @@ impl Estimate {
         self.radiance = Spectrum::ZERO;
         self.alpha = 0.0;
         self.first = None;
+        self.splats.clear();
         self.groups.clear();
         self.groups.resize(groups, Spectrum::ZERO);
     }
@@ -76,8 +93,51 @@ impl Estimate {
     }
 }
 
+/// What an integrator's own stages may know: the picture, the seed, and whom to tell how far they are.
+pub struct Stage<'a> {
+    /// Columns and rows of the full picture.
+    pub size: [u32; 2],
+    /// The seed of the random numbers.
+    pub seed: u64,
+    /// Whether someone has asked to stop; stages return early then, with whatever result.
+    pub is_cancelled: &'a (dyn Fn() -> bool + Sync),
+    /// Takes what is being done (a few words) and the share that is done, in [0, 1]; from any thread.
+    pub progress: &'a (dyn Fn(&str, f64) + Sync),
+}
+
 /// A way to compute light.
 pub trait Integrator: Send + Sync {
+    /// Does what has to be done once, before the first sample.
+    ///
+    /// # Errors
+    /// A sentence where the scene or the settings do not allow this method.
+    fn prepare(&mut self, _scene: &Scene, _stage: &Stage) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// The longest range of sample indices of a pass; 1 for methods that start each round with new particles.
+    fn pass_limit(&self) -> u32 {
+        16
+    }
+
+    /// Does what the samples `first..end` need, before any of them.
+    ///
+    /// # Errors
+    /// A sentence.
+    fn begin_pass(&mut self, _scene: &Scene, _first: u32, _end: u32, _stage: &Stage) -> Result<(), String> {
+        Ok(())
+    }
+
+    /// Whether estimates hold light for other pixels.
+    fn splats(&self) -> bool {
+        false
+    }
+
+    /// Sentences for the user about what was done: what was chosen and why, energy balance, known bias. After [`Self::prepare`].
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// Estimates the radiance along a camera ray into `out`, which is empty before.
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate);
 }

@@ -196,14 +196,26 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     Ok(session)
 }
 
-/// A short text of all settings that samples depend on; films merge only where it is equal.
+/// A text of all settings that samples depend on; films merge only where it is equal. Settings that are not named here as having no
+/// influence count as having some.
 fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
-    let depth = s.max_depth.or(desc.integrator.max_depth);
-    let rr = s.rr_depth.or(desc.integrator.rr_depth);
     let stratified = if plan.sampler == SamplerKind::Stratified { plan.spp } else { 0 };
+    let method = RenderSettings {
+        // In the film's spec, in its meta data, or in the plan.
+        width: None,
+        height: None,
+        spp: None,
+        seed: 0,
+        filter: None,
+        light_groups: false,
+        antialias: None,
+        antialias_depth: None,
+        sampler: None,
+        integrator: None,
+        max_depth: s.max_depth.or(desc.integrator.max_depth),
+        rr_depth: s.rr_depth.or(desc.integrator.rr_depth),
+        ..s.clone()
+    };
     let antialias = plan.antialias.map_or(String::new(), |a| format!(" antialias {}/{}", a.threshold, a.depth));
-    format!(
-        "{} {:?}/{stratified} depth {depth:?} rr {rr:?} lights {:?} ao {:?} camera {:?}{antialias}",
-        plan.integrator, plan.sampler, s.light_sampler, s.ao_distance, s.camera
-    )
+    format!("{} {:?}/{stratified}{antialias} {}", plan.integrator, plan.sampler, method.given())
 }

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::classic::WorkingSpace;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
-use crate::integrator::{Estimate, Integrator};
+use crate::integrator::{Estimate, Integrator, Stage};
 use crate::math::Vec2;
 use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
@@ -84,8 +84,21 @@ impl Cancel {
     }
 }
 
+/// Why a session cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum SessionError {
+    /// The film cannot take the samples, which would be a fault of ours.
+    #[error(transparent)]
+    Film(#[from] FilmError),
+    /// The method cannot render this scene.
+    #[error("{0}")]
+    Integrator(String),
+}
+
 /// What watches a session.
 pub trait Observer: Send + Sync {
+    /// Called while the integrator does its own stages: what it does and the share that is done. From any thread.
+    fn stage(&self, _what: &str, _fraction: f64) {}
     /// Called after tiles and passes, from any thread, one call at a time.
     fn status(&self, _status: &Status) {}
     /// Called after each pass with the film as it is: for previews and checkpoints.
@@ -107,6 +120,7 @@ pub struct Session {
     film: Film,
     order_tiles: Option<fn(&mut Vec<Rect>)>,
     centers: Option<Centers>,
+    is_prepared: bool,
 }
 
 impl Session {
@@ -127,7 +141,7 @@ impl Session {
         let filter = FilterSampler::new(spec.filter);
         let mut film = Film::new(spec)?;
         film.meta = meta;
-        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film, order_tiles: None, centers: None })
+        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film, order_tiles: None, centers: None, is_prepared: false })
     }
 
     /// Lets only pixels that differ from a neighbor have more than one sample, which goes through their center. The sampler's number of
@@ -166,6 +180,11 @@ impl Session {
         &self.scene.warnings
     }
 
+    /// Sentences of the integrator about what it did; see [`Integrator::notes`].
+    pub fn notes(&self) -> Vec<String> {
+        self.integrator.notes()
+    }
+
     /// The film as it is.
     pub fn film(&self) -> &Film {
         &self.film
@@ -179,9 +198,17 @@ impl Session {
     /// Renders until a rule stops or someone cancels, with the threads of the current rayon pool.
     ///
     /// # Errors
-    /// [`FilmError`] where the film cannot take the samples, which would be a fault of ours.
-    pub fn render(&mut self, stop: &Stop, cancel: &Cancel, observer: &dyn Observer) -> Result<Reason, FilmError> {
+    /// [`SessionError`]
+    pub fn render(&mut self, stop: &Stop, cancel: &Cancel, observer: &dyn Observer) -> Result<Reason, SessionError> {
         let start = Instant::now();
+        let spec = self.film.spec();
+        let is_cancelled = || cancel.is_cancelled();
+        let progress = |what: &str, fraction: f64| observer.stage(what, fraction);
+        let stage = Stage { size: [spec.width, spec.height], seed: self.sampler.seed, is_cancelled: &is_cancelled, progress: &progress };
+        if !self.is_prepared {
+            self.integrator.prepare(&self.scene, &stage).map_err(SessionError::Integrator)?;
+            self.is_prepared = !cancel.is_cancelled();
+        }
         let first = self.first_sample;
         let end = stop.spp.map_or(u32::MAX, |n| first.saturating_add(n));
         let mut tiles = tiles(self.film.rect());
@@ -194,8 +221,14 @@ impl Session {
             // 1, 1, 2, 4, 8, 16, 16 …: a picture early, then few passes. Boundaries do not depend on the time.
             let done = begin - first;
             // Few pixels take more than one sample where edges alone are smoothed.
-            let most = if self.centers.is_some() && begin > 0 { PASS_LIMIT } else { done.clamp(1, PASS_LIMIT) };
+            let limit = self.integrator.pass_limit().clamp(1, PASS_LIMIT);
+            let most = if self.centers.is_some() && begin > 0 { limit } else { done.clamp(1, limit) };
             let pass_end = begin.saturating_add(most).min(end);
+            if cancel.is_cancelled() {
+                reason = Reason::Cancelled;
+                break;
+            }
+            self.integrator.begin_pass(&self.scene, begin, pass_end, &stage).map_err(SessionError::Integrator)?;
             let complete = self.pass(&tiles, begin, pass_end, start, stop, cancel, observer)?;
             if !complete {
                 reason = if cancel.is_cancelled() { Reason::Cancelled } else { Reason::Time };
