@@ -24,6 +24,8 @@ pub(super) struct Direct {
     pub pdf: f32,
     /// Light group.
     pub group: u32,
+    /// The light.
+    pub light: u32,
 }
 
 /// The context of a surface point for light sampling.
@@ -40,7 +42,7 @@ pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
     let sample = scene.lights[index as usize].sample(ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
-    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
+    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
 }
 
 /// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased

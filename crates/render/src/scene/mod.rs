@@ -18,8 +18,8 @@ use crate::camera::Camera;
 use crate::classic::ClassicWorld;
 use crate::light::{Light, LightSample, LightSampler};
 use crate::material::Material;
-use crate::medium::{Medium, MediumStack};
 use crate::math::{Aabb, Vec3};
+use crate::medium::{Medium, MediumStack};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
 use geometry::{Geometry, Placement};
@@ -49,6 +49,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What each area light is part of: its light's `emission_id` is an index here.
     pub light_sources: Vec<LightSource>,
+    /// Middle and radius of each light that has a place; empty where no path can be in a medium.
+    pub light_places: Vec<Option<(Vec3, f32)>>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
     /// Names of the light groups; the first is the unnamed one.

@@ -12,7 +12,7 @@ use super::{Names, Scene};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
-use crate::light::{LightSampler, LightSelection, SceneSphere};
+use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::{self, MediumStack};
 use crate::texture;
@@ -69,12 +69,17 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         materials,
         lights: Vec::new(),
         light_sources: Vec::new(),
+        light_places: Vec::new(),
         light_groups: Vec::new(),
         group_names: groups.into_names(),
         infinite_lights: Vec::new(),
         light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
     };
     lights::add(&mut scene, desc, settings)?;
+    if scene.has_media {
+        let place = |l: &Light| l.bounds().map(|b| b.bounds.bounding_sphere());
+        scene.light_places = scene.lights.iter().map(place).collect();
+    }
     if let Some(classic) = &desc.classic {
         let (world, warnings) = ClassicWorld::new(classic, size);
         scene.classic = Some(Box::new(world));
