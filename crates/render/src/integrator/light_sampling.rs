@@ -60,7 +60,7 @@ pub(super) fn visibility(scene: &Scene, from: &Surface, wo: Vec3, medium: u32, s
     let medium = if crosses { from.medium_beyond(scene, d, medium) } else { medium };
     if scene.has_null {
         transmittance(scene, ray, medium)
-    } else if scene.accel.occluded(&ray) {
+    } else if scene.occluded(&ray) {
         Spectrum::ZERO
     } else if medium != NONE {
         scene.media[medium as usize].transmittance(t_max)
@@ -73,22 +73,21 @@ pub(super) fn visibility(scene: &Scene, from: &Surface, wo: Vec3, medium: u32, s
 fn transmittance(scene: &Scene, mut ray: Ray, mut medium: u32) -> Spectrum {
     let mut through = Spectrum::ONE;
     for _ in 0..MAX_CROSSINGS {
-        let hit = scene.accel.intersect(&ray);
+        let hit = scene.intersect_shadow(&ray);
         if medium != NONE {
-            through *= scene.media[medium as usize].transmittance(hit.map_or(ray.t_max, |h| h.t));
+            through *= scene.media[medium as usize].transmittance(hit.as_ref().map_or(ray.t_max, |s| s.t));
         }
-        let Some(hit) = hit else { return through };
-        if !scene.hit_material(&hit).has_null {
+        let Some(s) = hit else { return through };
+        if !scene.materials[s.material as usize].has_null {
             return Spectrum::ZERO;
         }
-        let s = scene.surface(&ray, &hit);
         through *= scene.materials[s.material as usize].shade(scene, &s, -ray.d).null_transmittance(-ray.d);
         if through.is_black() {
             return Spectrum::ZERO;
         }
         medium = s.medium_beyond(scene, ray.d, medium);
         let o = s.offset_origin(ray.d);
-        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - hit.t, ..ray };
+        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
     }
     Spectrum::ZERO
 }
