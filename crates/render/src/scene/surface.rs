@@ -3,6 +3,7 @@
 use super::Scene;
 use super::geometry::{Geometry, NONE, Object};
 use crate::accel::{Hit, Ray};
+use crate::classic::physical::SolidPoint;
 use crate::math::{Frame, Vec2, Vec3};
 
 /// A surface point.
@@ -34,6 +35,8 @@ pub struct Surface {
     pub material: u32,
     /// Width of the ray's footprint on the surface; 0 where it is not followed.
     pub footprint: f32,
+    /// Where on the exact solids of a classic scene it is.
+    pub solid: Option<SolidPoint>,
 }
 
 impl Surface {
@@ -202,6 +205,7 @@ impl Scene {
             primitive: hit.prim,
             material: object.material,
             footprint: 0.0,
+            solid: None,
         }
     }
 }
