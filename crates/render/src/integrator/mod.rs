@@ -10,6 +10,7 @@ mod ao;
 mod light_sampling;
 mod normals;
 mod path;
+mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
@@ -21,6 +22,7 @@ use etendue_scene::RenderSettings;
 use etendue_scene::desc::IntegratorDesc;
 
 use crate::camera::CameraRay;
+use crate::light::LightContext;
 use crate::math::{Vec2, Vec3};
 use crate::sampler::SampleStream;
 use crate::scene::Scene;
@@ -53,6 +55,15 @@ pub struct Splat {
     /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
     /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
     pub radiance: Spectrum,
+}
+
+/// The last real scattering of a path, which the weights of the light found next refer to.
+struct Vertex {
+    ctx: LightContext,
+    /// Density of the direction; infinite for the camera and for delta lobes.
+    pdf: f32,
+    /// Where on a segment of a homogeneous medium it was, if direct light is sampled along it.
+    on_segment: Option<volume::OnSegment>,
 }
 
 /// One sample of a pixel.
@@ -157,8 +168,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     Ok(match name {
-        "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
-        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
+        "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
+        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "whitted" => Box::new(Whitted { max_depth }),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),

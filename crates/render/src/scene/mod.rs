@@ -20,6 +20,7 @@ use crate::classic::physical::Physical;
 use crate::light::{Light, LightSample, LightSampler};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
+use crate::medium::{Medium, MediumStack};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
 use geometry::{Geometry, Placement};
@@ -49,6 +50,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What each area light is part of: its light's `emission_id` is an index here.
     pub light_sources: Vec<LightSource>,
+    /// Middle and radius of each light that has a place; empty where no path can be in a medium.
+    pub light_places: Vec<Option<(Vec3, f32)>>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
     /// Names of the light groups; the first is the unnamed one.
@@ -58,7 +61,11 @@ pub struct Scene {
     /// Chooses lights for next-event estimation.
     pub light_sampler: LightSampler,
     /// Media: the index is the description's `MediumId`.
-    pub media: Vec<crate::medium::Medium>,
+    pub media: Vec<Medium>,
+    /// Whether any path can be in a medium: where not, no one need look.
+    pub has_media: bool,
+    /// What the camera is in.
+    pub camera_medium: MediumStack,
     /// The camera.
     pub camera: Camera,
     /// Box of all bounded geometry.
@@ -78,6 +85,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The medium that a path is in; `None` in empty space.
+    #[inline]
+    pub fn medium(&self, stack: &MediumStack) -> Option<&Medium> {
+        self.media.get(stack.top() as usize)
+    }
+
     /// A texture by its id.
     #[inline]
     pub fn texture(&self, id: TextureId) -> &Texture {

@@ -205,5 +205,5 @@ fn camera(camera: &Camera, size: [u32; 2]) -> Result<CameraDesc, String> {
             );
         }
     };
-    Ok(CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY })
+    Ok(CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium: None })
 }

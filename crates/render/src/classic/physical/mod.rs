@@ -14,7 +14,7 @@ use std::sync::Arc;
 use etendue_procedural::{Context, Finish, Texture, TextureFill};
 use etendue_scene::Loss;
 use etendue_scene::desc::classic::{ClassicScene, Interior, Object as Solid};
-use etendue_scene::desc::{Color, MediumDesc, Param, PhaseDesc, SceneDesc};
+use etendue_scene::desc::{Color, Param, PhaseDesc, SceneDesc};
 use glam::{DVec2, DVec3};
 
 use super::ClassicWorld;
@@ -22,7 +22,7 @@ use super::trace::NEAR;
 use crate::accel::Ray;
 use crate::light::EnvironmentLight;
 use crate::math::{Aabb, Frame, Mat4, Vec2, Vec3};
-use crate::medium::Medium;
+use crate::medium::{Homogeneous, Medium, Phase};
 use crate::scene::geometry::{Emission, NONE, Object};
 use crate::scene::{Scene, Surface};
 use crate::solid::{Crossing, Line, RayKind, SolidHit};
@@ -105,8 +105,7 @@ impl Physical {
                 *known.entry(Arc::as_ptr(interior)).or_insert_with(|| match absorption(interior) {
                     Some(sigma_a) => {
                         let zero = [0.0; 3];
-                        let desc = MediumDesc::Homogeneous { sigma_a, sigma_s: zero, emission: zero, phase: PhaseDesc::Isotropic };
-                        media.push(Medium::new(&desc));
+                        media.push(Medium::Homogeneous(Homogeneous::new(sigma_a, zero, zero, Phase::new(&PhaseDesc::Isotropic))));
                         media.len() as u32 - 1
                     }
                     None => NONE,
@@ -127,6 +126,7 @@ impl Physical {
                 first_light: NONE,
                 emission,
                 interior,
+                exterior: NONE,
                 id: self.first_object + i + 1,
                 flip_normals: false,
                 wants_tangents: false,

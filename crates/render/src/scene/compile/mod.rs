@@ -13,9 +13,9 @@ use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
 use crate::classic::physical::Physical;
-use crate::light::{LightSampler, LightSelection, SceneSphere};
+use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
-use crate::medium::Medium;
+use crate::medium::{self, MediumStack};
 use crate::texture;
 use geometry::{Context, Placed};
 
@@ -67,7 +67,7 @@ fn compile_with(
         .collect();
     let accel = Accel::build(blases, instances);
     let has_null = solids.is_some() || geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
-    let mut media: Vec<Medium> = desc.media.iter().map(|m| Medium::new(&m.value)).collect();
+    let (mut media, warnings) = medium::compile(desc);
     let mut bounds = accel.bounds();
     let mut geometries = geometries;
     if let Some(solids) = &mut solids {
@@ -75,12 +75,16 @@ fn compile_with(
         solids.add_objects(&mut geometries[0].objects, &mut media, 0);
     }
     let environment = solids.as_ref().and_then(|s| s.environment());
+    let has_border = |o: &super::geometry::Object| o.interior != super::geometry::NONE || o.exterior != super::geometry::NONE;
+    let media_in_use = geometries.iter().flat_map(|g| &g.objects).any(has_border);
     let mut scene = Scene {
         bounds,
         geometries,
         placements,
         accel,
         textures,
+        has_media: media_in_use || camera.medium.is_some(),
+        camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
         media,
         camera: Camera::new(camera, size[0], size[1]),
         has_null,
@@ -88,20 +92,25 @@ fn compile_with(
         hide_lights: desc.integrator.hide_lights,
         classic: None,
         solids,
-        warnings: Vec::new(),
+        warnings,
         materials,
         lights: Vec::new(),
         light_sources: Vec::new(),
+        light_places: Vec::new(),
         light_groups: Vec::new(),
         group_names: groups.into_names(),
         infinite_lights: Vec::new(),
         light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
     };
     lights::add(&mut scene, desc, settings, environment)?;
+    if scene.has_media {
+        let place = |l: &Light| l.bounds().map(|b| b.bounds.bounding_sphere());
+        scene.light_places = scene.lights.iter().map(place).collect();
+    }
     if let Some(classic) = &desc.classic {
         let (world, warnings) = ClassicWorld::new(classic, size);
         scene.classic = Some(Box::new(world));
-        scene.warnings = warnings;
+        scene.warnings.extend(warnings);
     }
     Ok(scene)
 }
