@@ -18,6 +18,7 @@ use crate::camera::Camera;
 use crate::classic::ClassicWorld;
 use crate::light::{Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
+use crate::medium::{Medium, MediumStack};
 use crate::math::{Aabb, Vec3};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
@@ -57,7 +58,11 @@ pub struct Scene {
     /// Chooses lights for next-event estimation.
     pub light_sampler: LightSampler,
     /// Media: the index is the description's `MediumId`.
-    pub media: Vec<crate::medium::Medium>,
+    pub media: Vec<Medium>,
+    /// Whether any path can be in a medium: where not, no one need look.
+    pub has_media: bool,
+    /// What the camera is in.
+    pub camera_medium: MediumStack,
     /// The camera.
     pub camera: Camera,
     /// Box of all bounded geometry.
@@ -79,6 +84,12 @@ impl Scene {
     pub fn sphere(&self) -> SceneSphere {
         let (center, radius) = self.bounds.bounding_sphere();
         if radius.is_finite() && radius > 0.0 { SceneSphere { center, radius } } else { SceneSphere { center: Vec3::ZERO, radius: 1.0 } }
+    }
+
+    /// The medium that a path is in; `None` in empty space.
+    #[inline]
+    pub fn medium(&self, stack: &MediumStack) -> Option<&Medium> {
+        self.media.get(stack.top() as usize)
     }
 
     /// A texture by its id.

@@ -49,16 +49,6 @@ impl Surface {
         &scene.geometries[self.geometry as usize].objects[self.object as usize]
     }
 
-    /// The medium that light enters which crosses the surface along `d` out of `medium`: shapes that bound no medium change none.
-    #[inline]
-    pub fn medium_beyond(&self, scene: &Scene, d: Vec3, medium: u32) -> u32 {
-        match self.object(scene).interior {
-            NONE => medium,
-            interior if d.dot(self.ng) < 0.0 => interior,
-            _ => NONE,
-        }
-    }
-
     /// An attribute at this point, widened to four numbers; `None` where the object lacks it.
     pub fn attribute(&self, scene: &Scene, name: u32) -> Option<[f32; 4]> {
         let g = &scene.geometries[self.geometry as usize];

@@ -68,6 +68,11 @@ impl SceneDesc {
                 sink.mesh(data);
             }
         }
+        for volume in &self.volumes {
+            let v = &volume.value;
+            sink.node(&(v.size, v.channels, v.world_from_volume, v.filter, v.wrap, v.data.len()));
+            sink.0.update(bytemuck::cast_slice(&v.data));
+        }
         // Without spans and names: moving a line does not change the picture.
         fn values<T: serde::Serialize>(sink: &mut Sink, nodes: &[super::Node<T>]) {
             for node in nodes {

@@ -14,7 +14,7 @@ use crate::camera::Camera;
 use crate::classic::ClassicWorld;
 use crate::light::{LightSampler, LightSelection, SceneSphere};
 use crate::material;
-use crate::medium::Medium;
+use crate::medium::{self, MediumStack};
 use crate::texture;
 use geometry::{Context, Placed};
 
@@ -48,19 +48,24 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         .collect();
     let accel = Accel::build(blases, instances);
     let has_null = geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
+    let (media, warnings) = medium::compile(desc);
+    let has_border = |o: &super::geometry::Object| o.interior != super::geometry::NONE || o.exterior != super::geometry::NONE;
+    let media_in_use = geometries.iter().flat_map(|g| &g.objects).any(has_border);
     let mut scene = Scene {
         bounds: accel.bounds(),
         geometries,
         placements,
         accel,
         textures,
-        media: desc.media.iter().map(|m| Medium::new(&m.value)).collect(),
+        has_media: media_in_use || camera.medium.is_some(),
+        camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
+        media,
         camera: Camera::new(camera, size[0], size[1]),
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
         classic: None,
-        warnings: Vec::new(),
+        warnings,
         materials,
         lights: Vec::new(),
         light_sources: Vec::new(),
@@ -73,7 +78,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     if let Some(classic) = &desc.classic {
         let (world, warnings) = ClassicWorld::new(classic, size);
         scene.classic = Some(Box::new(world));
-        scene.warnings = warnings;
+        scene.warnings.extend(warnings);
     }
     Ok(scene)
 }
