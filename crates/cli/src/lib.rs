@@ -3,6 +3,7 @@
 //! [`main`] parses arguments, runs the command and turns its result into an exit code. It is a library so that the
 //! Python package can offer the same command.
 
+mod clock;
 pub mod commands;
 pub mod exit;
 pub mod progress;
@@ -36,6 +37,8 @@ enum Command {
     Bench(commands::bench::Args),
     /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
     Compare(commands::compare::Args),
+    /// Render a scene by every method and report their errors over time.
+    Study(Box<commands::study::Args>),
     /// Add up films of different samples of one picture, exactly.
     Merge(commands::merge::Args),
     /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
@@ -60,6 +63,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Study(args) => commands::study::run(*args),
         Command::Merge(args) => commands::merge::run(args),
         Command::Denoise(args) => commands::denoise::run(args),
     };

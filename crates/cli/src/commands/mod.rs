@@ -8,6 +8,7 @@ pub mod info;
 pub mod merge;
 pub mod pov;
 pub mod render;
+pub mod study;
 
 use std::io::Write;
 
