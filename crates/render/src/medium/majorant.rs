@@ -76,7 +76,13 @@ impl MajorantGrid {
         }
         // A ray crosses at most so many cells; the count guards against numbers that are none.
         for _ in 0..self.size.iter().sum::<i32>() + 3 {
-            let k = if next[0] < next[1] { if next[0] < next[2] { 0 } else { 2 } } else if next[1] < next[2] { 1 } else { 2 };
+            let k = if next[0] < next[1] {
+                if next[0] < next[2] { 0 } else { 2 }
+            } else if next[1] < next[2] {
+                1
+            } else {
+                2
+            };
             let leave = next[k].min(t_end);
             let bound = self.bounds[((cell[2] * self.size[1] + cell[1]) * self.size[0] + cell[0]) as usize];
             if leave > t {

@@ -7,6 +7,7 @@ use arrayvec::ArrayVec;
 use std::cmp::Ordering;
 
 use super::Photon;
+use crate::accel::Ray;
 use crate::math::{Aabb, Vec3};
 
 /// Ranges up to this long are searched one by one.
@@ -89,6 +90,45 @@ impl PhotonTree {
         limit
     }
 
+    /// Calls `found` with every photon closer than `radius` to a ray between its origin and `t_max`, the ray parameter of the nearest
+    /// point, and the squared distance. The direction must be unit.
+    pub fn along(&self, ray: &Ray, t_max: f32, radius: f32, mut found: impl FnMut(&Photon, f32, f32)) {
+        // A range and the part of the ray that may come near to it; the depth of the tree is below 32.
+        let mut pending: ArrayVec<(u32, u32, f32, f32), 40> = ArrayVec::new();
+        let mut at = (0, self.photons.len() as u32, 0.0, t_max);
+        let mut test = |photon: &Photon| {
+            let to = photon.position() - ray.o;
+            let t = to.dot(ray.d);
+            let d2 = (to - ray.d * t).length_squared();
+            if t > 0.0 && t < t_max && d2 < radius * radius {
+                found(photon, t, d2);
+            }
+        };
+        loop {
+            let (begin, end, t0, t1) = at;
+            if (end - begin) as usize > LEAF {
+                let middle = begin + (end - begin) / 2;
+                let photon = &self.photons[middle as usize];
+                let axis = usize::from(self.axes[middle as usize]);
+                test(photon);
+                let (o, d, split) = (ray.o[axis], ray.d[axis], photon.p[axis]);
+                // The lower half: where the ray's coordinate is below split + radius; the upper: above split − radius.
+                if let Some((a, b)) = clip(o, d, split + radius, t0, t1, true) {
+                    pending.push((begin, middle, a, b));
+                }
+                if let Some((a, b)) = clip(o, d, split - radius, t0, t1, false) {
+                    pending.push((middle + 1, end, a, b));
+                }
+            } else {
+                self.photons[begin as usize..end as usize].iter().for_each(&mut test);
+            }
+            match pending.pop() {
+                Some(next) => at = next,
+                None => return,
+            }
+        }
+    }
+
     /// Calls `found` with every photon whose squared distance is below the limit, which `found` may lower.
     #[inline]
     fn search(&self, p: Vec3, limit: &mut f32, mut found: impl FnMut(&Photon, u32, f32, &mut f32)) {
@@ -128,6 +168,19 @@ impl PhotonTree {
             }
         }
     }
+}
+
+/// The part of [t0, t1] in which o + t·d is below (or above) a plane, a little widened for rounding.
+#[inline]
+fn clip(o: f32, d: f32, plane: f32, t0: f32, t1: f32, below: bool) -> Option<(f32, f32)> {
+    let t = (plane - o) / d;
+    // Parallel to the plane, or a plane at infinity: by the origin.
+    if !t.is_finite() {
+        return if below { o <= plane } else { o >= plane }.then_some((t0, t1));
+    }
+    let slack = 1e-5 * t.abs();
+    let (a, b) = if (d > 0.0) == below { (t0, t1.min(t + slack)) } else { (t0.max(t - slack), t1) };
+    (a <= b).then_some((a, b))
 }
 
 /// Restores the heap below `i`: the farthest is first.
@@ -227,6 +280,31 @@ mod tests {
                             assert_eq!(limit, if full { expected[count - 1] } else { radius * radius });
                         }
                     }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn photons_along_rays_are_those_that_looking_at_all_finds() {
+        for spread in [Vec3::ONE, Vec3::new(1.0, 1.0, 0.0), Vec3::ZERO] {
+            let all = photons(2000, spread);
+            let tree = PhotonTree::new(all.clone());
+            for (i, q) in photons(60, Vec3::ONE).into_iter().enumerate() {
+                let d = [Vec3::new(0.3, -0.5, 0.7), Vec3::X, -Vec3::Y, Vec3::new(-0.2, 0.9, 0.0)][i % 4].normalize();
+                let ray = Ray::new(q.position() - d * 0.5, d);
+                for (t_max, radius) in [(f32::INFINITY, 0.1), (0.7, 0.05), (1e30, 1.0)] {
+                    let near = |x: &Photon| {
+                        let to = x.position() - ray.o;
+                        let t = to.dot(d);
+                        t > 0.0 && t < t_max && (to - d * t).length_squared() < radius * radius
+                    };
+                    let mut found = Vec::new();
+                    tree.along(&ray, t_max, radius, |x, _, _| found.push(x.power[0]));
+                    found.sort_by(f32::total_cmp);
+                    let mut expected: Vec<f32> = all.iter().filter(|x| near(x)).map(|x| x.power[0]).collect();
+                    expected.sort_by(f32::total_cmp);
+                    assert_eq!(found, expected);
                 }
             }
         }
