@@ -10,12 +10,21 @@ mod ao;
 pub mod emission;
 mod light_sampling;
 mod normals;
+mod particles;
 mod path;
+mod photon;
+mod photon_settings;
+mod photon_walk;
+mod sppm;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
 pub use normals::Normals;
+pub use particles::Particles;
 pub use path::Path;
+pub use photon::PhotonMapping;
+pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use sppm::Sppm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -144,7 +153,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 5] = ["path", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 8] = ["path", "direct", "particles", "photon", "sppm", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -157,9 +166,13 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
+    let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
+        "particles" => Box::new(Particles::new(photons()?)),
+        "photon" => Box::new(PhotonMapping::new(photons()?)),
+        "sppm" => Box::new(Sppm::new(photons()?)),
         "whitted" => Box::new(Whitted { max_depth }),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),

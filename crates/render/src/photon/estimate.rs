@@ -37,10 +37,16 @@ pub struct Query<'a> {
 }
 
 impl Query<'_> {
+    /// Whether a photon landed on a surface of such an orientation.
+    #[inline]
+    pub fn lands(&self, photon: &Photon) -> bool {
+        photon.normal().dot(self.s.ng).abs() >= LEAST_NORMAL_COS
+    }
+
     /// What a photon adds to the reflected radiance, before kernel and scale; `None` where it does not count.
     #[inline]
     fn reflect(&self, photon: &Photon) -> Option<Spectrum> {
-        if photon.normal().dot(self.s.ng).abs() < LEAST_NORMAL_COS {
+        if !self.lands(photon) {
             return None;
         }
         let from = photon.from();
@@ -81,9 +87,8 @@ impl Query<'_> {
         accept: impl Fn(&Photon) -> bool,
         mut add: impl FnMut(Spectrum, u32),
     ) {
-        let ng = self.s.ng;
         let mut found = Neighbors::new();
-        let like = |photon: &Photon| photon.normal().dot(ng).abs() >= LEAST_NORMAL_COS && accept(photon);
+        let like = |photon: &Photon| self.lands(photon) && accept(photon);
         let r2 = tree.nearest(self.s.p, count, radius, like, &mut found);
         let norm = disk_norm(r2) * scale;
         for &(d2, index) in &found {
@@ -102,9 +107,9 @@ fn disk_norm(r2: f32) -> f32 {
     if norm.is_finite() { norm } else { 0.0 }
 }
 
-/// Radiance that photons in a medium send towards the origin of a ray, before its transmittance: calls `add` with the distance, the
-/// light (times `scale`) and the group of each photon closer to the ray than the radius (the beam radiance estimate; Jarosz, Zwicker,
-/// Jensen 2008, "The Beam Radiance Estimate for Volumetric Photon Mapping", doi:10.1111/j.1467-8659.2008.01153.x).
+/// Radiance that photons in a medium send towards the origin of a ray: calls `add` with each photon closer to the ray than the radius,
+/// its distance along the ray, and its light times `scale`, which the medium between has not dimmed yet (the beam radiance estimate;
+/// Jarosz, Zwicker, Jensen 2008, doi:10.1111/j.1467-8659.2008.01153.x).
 pub fn radiance_along(
     tree: &PhotonTree,
     ray: &Ray,
@@ -112,13 +117,13 @@ pub fn radiance_along(
     radius: f32,
     scale: f32,
     phase: &Phase,
-    mut add: impl FnMut(f32, Spectrum, u32),
+    mut add: impl FnMut(&Photon, f32, Spectrum),
 ) {
     let norm = disk_norm(radius * radius) * scale;
     let inverse = 1.0 / (radius * radius);
     tree.along(ray, t_max, radius, |photon, t, d2| {
         let f = phase.eval(-ray.d, photon.from());
-        add(t, photon.power() * (f * norm * (1.0 - d2 * inverse)), photon.group());
+        add(photon, t, photon.power() * (f * norm * (1.0 - d2 * inverse)));
     });
 }
 

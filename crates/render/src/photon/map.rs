@@ -243,6 +243,19 @@ impl PhotonMap {
         progress: &mut dyn FnMut(&Self, f64),
     ) {
         let tracer = Tracer::new(scene, self.info.seed, self.info.max_depth.unwrap_or(u32::MAX), Keep::ALL);
+        self.trace_with(&tracer, 0, range, budget, is_cancelled, progress);
+    }
+
+    /// The same with a tracer of one's own, for one of its passes.
+    pub fn trace_with(
+        &mut self,
+        tracer: &Tracer,
+        pass: u32,
+        range: Range<u64>,
+        budget: u64,
+        is_cancelled: &(dyn Fn() -> bool + Sync),
+        progress: &mut dyn FnMut(&Self, f64),
+    ) {
         let parts = self.missing(range);
         let total: u64 = parts.iter().map(|r| r.end - r.start).sum();
         let mut done = 0;
@@ -253,7 +266,7 @@ impl PhotonMap {
                     return;
                 }
                 let end = (begin + ROUND).min(part.end);
-                let round = Self::of_range(self.info.clone(), begin, end, tracer.trace(0, begin..end));
+                let round = Self::of_range(self.info.clone(), begin, end, tracer.trace(pass, begin..end));
                 // The ranges were missing and the information is the same.
                 let merged = self.merge(round);
                 debug_assert!(merged.is_ok());

@@ -75,6 +75,8 @@ pub struct Scene {
     pub hide_lights: bool,
     /// The scene of the classic model, where the description has one; all else is then empty.
     pub classic: Option<Box<ClassicWorld>>,
+    /// Names what light depends on (`SceneDesc::light_hash`), where the settings name a photon map that must be of the same.
+    pub light_hash: Option<String>,
     /// Sentences about what could not be loaded and is left out.
     pub warnings: Vec<String>,
 }

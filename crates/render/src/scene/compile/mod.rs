@@ -64,6 +64,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
+        light_hash: settings.photon_map.is_some().then(|| desc.light_hash()),
         classic: None,
         warnings,
         materials,
