@@ -41,6 +41,8 @@ enum Command {
     Study(Box<commands::study::Args>),
     /// Add up films of different samples of one picture, exactly.
     Merge(commands::merge::Args),
+    /// Trace photons of a scene into a file that serves many views; merge such files.
+    Photons(commands::photons::Args),
     /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
     Denoise(commands::denoise::Args),
 }
@@ -65,6 +67,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Compare(args) => commands::compare::run(args),
         Command::Study(args) => commands::study::run(*args),
         Command::Merge(args) => commands::merge::run(args),
+        Command::Photons(args) => commands::photons::run(args),
         Command::Denoise(args) => commands::denoise::run(args),
     };
     result.unwrap_or_else(|e| {

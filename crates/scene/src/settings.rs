@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// How light is computed: path, direct, whitted, ao, normals.
+        /// How light is computed: path, direct, particles, photon, sppm, whitted, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -35,6 +35,16 @@ params! {
         light_groups: bool = false, "switch", "";
         /// Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred.
         mipmap: bool = false, "switch", "";
+        /// Photons of a photon map (1 000 000 where not given), or of each pass of sppm (one for each pixel).
+        photons: Option<u32> = None, "integer", "photons";
+        /// Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given.
+        photon_neighbors: Option<u32> = None, "integer", "photons";
+        /// Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given.
+        photon_radius: Option<f32> = None, "number", "scene units";
+        /// Most memory for photons; where they are more, they are thinned, with a message.
+        photon_memory: u32 = 1024, "integer", "MiB";
+        /// Photon map to use, made before by `etendue photons trace`: for particles and photon.
+        photon_map: Option<String> = None, "file", "";
         /// Name or number of the camera, where a file has several.
         camera: Option<String> = None, "name or number", "";
     }

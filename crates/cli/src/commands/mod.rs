@@ -6,6 +6,7 @@ pub mod convert;
 pub mod denoise;
 pub mod info;
 pub mod merge;
+pub mod photons;
 pub mod pov;
 pub mod render;
 pub mod study;

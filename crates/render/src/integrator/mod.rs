@@ -7,15 +7,25 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+pub mod emission;
 mod light_sampling;
 mod normals;
+mod particles;
 mod path;
+mod photon;
+mod photon_settings;
+mod photon_walk;
+mod sppm;
 mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
 pub use normals::Normals;
+pub use particles::Particles;
 pub use path::Path;
+pub use photon::PhotonMapping;
+pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use sppm::Sppm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -154,7 +164,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 5] = ["path", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 8] = ["path", "direct", "particles", "photon", "sppm", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -167,9 +177,13 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
+    let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
+        "particles" => Box::new(Particles::new(photons()?)),
+        "photon" => Box::new(PhotonMapping::new(photons()?)),
+        "sppm" => Box::new(Sppm::new(photons()?)),
         "whitted" => Box::new(Whitted { max_depth }),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),

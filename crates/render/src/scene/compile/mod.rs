@@ -33,6 +33,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     warnings.extend(losses.into_iter().map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
     let mut scene = compile_with(&lights, settings, size, Some(Box::new(solids)))?;
     scene.warnings.extend(warnings);
+    scene.light_hash = settings.photon_map.is_some().then(|| desc.light_hash());
     Ok(scene)
 }
 
@@ -90,6 +91,7 @@ fn compile_with(
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
+        light_hash: settings.photon_map.is_some().then(|| desc.light_hash()),
         classic: None,
         solids,
         warnings,
