@@ -164,7 +164,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 8] = ["path", "direct", "particles", "photon", "sppm", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
