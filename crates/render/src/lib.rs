@@ -16,6 +16,7 @@ pub mod lightmap;
 pub mod material;
 pub mod math;
 pub mod medium;
+pub mod raster;
 pub mod sampler;
 pub mod scene;
 pub mod session;
