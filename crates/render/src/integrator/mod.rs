@@ -10,11 +10,13 @@ mod ao;
 mod light_sampling;
 mod normals;
 mod path;
+mod raster;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
 pub use normals::Normals;
 pub use path::Path;
+pub use raster::Raster;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -93,12 +95,25 @@ impl Estimate {
     }
 }
 
+/// Where a sample is in its pixel and on the lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraSample {
+    /// From the pixel's center, in pixels.
+    pub offset: Vec2,
+    /// What the pixel's radiance counts.
+    pub weight: f32,
+    /// On the lens, in [0, 1)².
+    pub u_lens: Vec2,
+}
+
 /// What an integrator's own stages may know: the picture, the seed, and whom to tell how far they are.
 pub struct Stage<'a> {
     /// Columns and rows of the full picture.
     pub size: [u32; 2],
     /// The seed of the random numbers.
     pub seed: u64,
+    /// The camera sample of an index, where an integrator has all pixels share it.
+    pub camera_sample: &'a (dyn Fn(u32) -> CameraSample + Sync),
     /// Whether someone has asked to stop; stages return early then, with whatever result.
     pub is_cancelled: &'a (dyn Fn() -> bool + Sync),
     /// Takes what is being done (a few words) and the share that is done, in [0, 1]; from any thread.
@@ -128,6 +143,12 @@ pub trait Integrator: Send + Sync {
         Ok(())
     }
 
+    /// Whether all pixels take the samples of an index at the same place in the pixel and on the lens ([`Stage::camera_sample`]), for
+    /// methods that draw whole pictures.
+    fn shares_camera_samples(&self) -> bool {
+        false
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -143,7 +164,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 5] = ["path", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 6] = ["path", "direct", "whitted", "raster", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -160,6 +181,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
         "whitted" => Box::new(Whitted { max_depth }),
+        "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

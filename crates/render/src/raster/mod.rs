@@ -2,7 +2,7 @@
 //!
 //! The core is [`draw`]: it fills an [`ItemBuffer`], for each pixel the nearest triangle and its depth, from [`Triangles`] as a
 //! [`View`] shows them. Everything else asks it: the camera's picture, shadow maps, environment maps captured in a scene, the
-//! hemicubes of radiosity.
+//! hemicubes of radiosity. [`ShadowMap`] and [`Environment`] are such pictures with their look-ups, [`Lighting`] shades with them.
 //!
 //! How it works and what it guarantees:
 //!
@@ -18,13 +18,24 @@
 //! - Triangles with coordinates that are not finite, and those without area on the screen, are not drawn.
 
 mod draw;
+pub mod environment;
+mod lighting;
+mod lights;
+mod shadow;
 mod tile;
 mod triangles;
 mod view;
+mod visible;
 
 pub use draw::{DrawOptions, ItemBuffer, NO_ITEM, draw};
+pub use environment::{Correction, Environment};
+pub use lighting::{ENVIRONMENT_SOURCES, EnvironmentSource, Lighting, LightingOptions};
+pub use lights::{Extent, Form, LightGroup, Place, light_groups};
+pub use shadow::{Casters, SHADOW_FILTERS, ShadowFilter, ShadowMap};
 pub use triangles::{Located, Mesh, Part, Triangles};
 pub use view::{Pose, View};
+pub use visible::Visible;
+pub(crate) use visible::surface_at;
 
 #[cfg(test)]
 mod tests;

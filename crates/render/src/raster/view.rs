@@ -1,10 +1,10 @@
 //! What a z-buffer shows: where the eye is, where it looks, how many pixels.
 
-use glam::{DMat4, DVec2, DVec3, DVec4};
+use glam::{DMat3, DMat4, DVec2, DVec3, DVec4};
 
 use crate::math::Vec3;
 
-/// A place to look from. The axes are unit and perpendicular.
+/// A place to look from. Axes of any length and angles are allowed; distances are in units of `forward`, along it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// The eye; for orthographic views a point of the plane from which distances count.
@@ -49,6 +49,8 @@ pub struct View {
     range: [f32; 2],
     /// Homogeneous pixel coordinates x·w, y·w and w as functions of a world point (x, y, z, 1).
     rows: [DVec4; 3],
+    /// Distance along the axis.
+    distance: DVec4,
     near: f64,
 }
 
@@ -70,13 +72,14 @@ impl View {
 
     fn new(pose: Pose, window: [f64; 4], size: [u32; 2], perspective: bool, range: [f32; 2], near: f64) -> Self {
         let size = size.map(|n| n.clamp(1, 1 << 15));
-        let row = |axis: DVec3| axis.extend(-axis.dot(pose.eye));
-        let distance = row(pose.forward);
+        let view_from_world = DMat3::from_cols(pose.right, pose.up, pose.forward).inverse();
+        let row = |i: usize| view_from_world.row(i).extend(-view_from_world.row(i).dot(pose.eye));
+        let distance = row(2);
         let w = if perspective { distance } else { DVec4::W };
         let [l, r, b, t] = window;
         let (sx, sy) = (f64::from(size[0]) / (r - l), f64::from(size[1]) / (t - b));
-        let rows = [(row(pose.right) - w * l) * sx, (w * t - row(pose.up)) * sy, w];
-        Self { size, pose, window, perspective, range, rows, near }
+        let rows = [(row(0) - w * l) * sx, (w * t - row(1)) * sy, w];
+        Self { size, pose, window, perspective, range, rows, distance, near }
     }
 
     /// The same view with the picture moved: what was at the pixel's center is then at `offset` (in pixels) from it. For samples
@@ -121,7 +124,7 @@ impl View {
     pub fn project(&self, p: Vec3) -> Option<(DVec2, f64)> {
         let q = p.as_dvec3().extend(1.0);
         let w = self.rows[2].dot(q);
-        let distance = if self.perspective { w } else { (p.as_dvec3() - self.pose.eye).dot(self.pose.forward) };
+        let distance = self.distance.dot(q);
         let visible = !self.perspective || w >= self.near;
         visible.then(|| (DVec2::new(self.rows[0].dot(q), self.rows[1].dot(q)) / w, distance))
     }
@@ -135,9 +138,8 @@ impl View {
 
     /// The projection after a transform of objects.
     pub(super) fn projection(&self, world_from_object: Option<DMat4>) -> Projection {
-        let forward = self.pose.forward;
         // Depth of orthographic views is minus the distance; 1/w is that of a constant 1.
-        let z = if self.perspective { DVec4::W } else { -forward.extend(-forward.dot(self.pose.eye)) };
+        let z = if self.perspective { DVec4::W } else { -self.distance };
         let [x, y, w] = self.rows;
         let rows = [x, y, w, z];
         let rows = match world_from_object {
