@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// How light is computed: path, direct, particles, photon, sppm, whitted, ao, normals.
+        /// How light is computed: path, direct, particles, photon, sppm, raster, whitted, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -31,6 +31,18 @@ params! {
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.
         ao_distance: Option<f32> = None, "number", "scene units";
+        /// How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them).
+        shadow_filter: Option<String> = None, "name", "";
+        /// Edge of a shadow map; 1024 where not given.
+        shadow_resolution: Option<u32> = None, "integer", "texels";
+        /// Factor on the biases of shadow maps: 0 shows acne, much more than 1 moves shadows away from their casters.
+        shadow_bias: Option<f32> = None, "number", "";
+        /// Where shadow maps are drawn from: center (of each light), sampled (a new place of each light and the sky for every sample).
+        shadow_maps: Option<String> = None, "name", "";
+        /// What mirrors show with the raster integrator: none, sky, object (maps captured from the middle of each reflecting object).
+        envmap: Option<String> = None, "name", "";
+        /// How captured environment maps mend that all their rays start in one point: none, box.
+        envmap_correction: Option<String> = None, "name", "";
         /// Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files.
         light_groups: bool = false, "switch", "";
         /// Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred.

@@ -15,6 +15,7 @@ mod path;
 mod photon;
 mod photon_settings;
 mod photon_walk;
+mod raster;
 mod sppm;
 mod volume;
 mod whitted;
@@ -25,6 +26,7 @@ pub use particles::Particles;
 pub use path::Path;
 pub use photon::PhotonMapping;
 pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use raster::Raster;
 pub use sppm::Sppm;
 pub use whitted::Whitted;
 
@@ -114,12 +116,25 @@ impl Estimate {
     }
 }
 
+/// Where a sample is in its pixel and on the lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CameraSample {
+    /// From the pixel's center, in pixels.
+    pub offset: Vec2,
+    /// What the pixel's radiance counts.
+    pub weight: f32,
+    /// On the lens, in [0, 1)².
+    pub u_lens: Vec2,
+}
+
 /// What an integrator's own stages may know: the picture, the seed, and whom to tell how far they are.
 pub struct Stage<'a> {
     /// Columns and rows of the full picture.
     pub size: [u32; 2],
     /// The seed of the random numbers.
     pub seed: u64,
+    /// The camera sample of an index, where an integrator has all pixels share it.
+    pub camera_sample: &'a (dyn Fn(u32) -> CameraSample + Sync),
     /// Whether someone has asked to stop; stages return early then, with whatever result.
     pub is_cancelled: &'a (dyn Fn() -> bool + Sync),
     /// Takes what is being done (a few words) and the share that is done, in [0, 1]; from any thread.
@@ -149,6 +164,12 @@ pub trait Integrator: Send + Sync {
         Ok(())
     }
 
+    /// Whether all pixels take the samples of an index at the same place in the pixel and on the lens ([`Stage::camera_sample`]), for
+    /// methods that draw whole pictures.
+    fn shares_camera_samples(&self) -> bool {
+        false
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -164,7 +185,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "raster", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -185,6 +206,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "photon" => Box::new(PhotonMapping::new(photons()?)),
         "sppm" => Box::new(Sppm::new(photons()?)),
         "whitted" => Box::new(Whitted { max_depth }),
+        "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

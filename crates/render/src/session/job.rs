@@ -173,6 +173,9 @@ fn filter(desc: FilterDesc) -> Filter {
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
+    if plan.antialias.is_some() && integrator.shares_camera_samples() {
+        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    }
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
