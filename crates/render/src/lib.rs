@@ -16,6 +16,7 @@ pub mod lightmap;
 pub mod material;
 pub mod math;
 pub mod medium;
+pub mod radiosity;
 pub mod sampler;
 pub mod scene;
 pub mod session;

@@ -10,11 +10,13 @@ mod ao;
 mod light_sampling;
 mod normals;
 mod path;
+mod radiosity;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
 pub use normals::Normals;
 pub use path::Path;
+pub use radiosity::Radiosity;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -143,7 +145,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 5] = ["path", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 6] = ["path", "direct", "whitted", "radiosity", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -160,6 +162,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
         "whitted" => Box::new(Whitted { max_depth }),
+        "radiosity" => Box::new(Radiosity::new(settings)?),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),
