@@ -15,6 +15,7 @@ mod path;
 mod photon;
 mod photon_settings;
 mod photon_walk;
+mod radiosity;
 mod raster;
 mod sppm;
 mod volume;
@@ -26,6 +27,7 @@ pub use particles::Particles;
 pub use path::Path;
 pub use photon::PhotonMapping;
 pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use radiosity::Radiosity;
 pub use raster::Raster;
 pub use sppm::Sppm;
 pub use whitted::Whitted;
@@ -185,7 +187,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "raster", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -207,6 +209,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "sppm" => Box::new(Sppm::new(photons()?)),
         "whitted" => Box::new(Whitted { max_depth }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
+        "radiosity" => Box::new(Radiosity::new(settings)?),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

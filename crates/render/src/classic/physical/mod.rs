@@ -184,6 +184,7 @@ impl Physical {
             dpdv: frame.t,
             bary: Vec2::ZERO,
             t,
+            instance: 0,
             geometry: 0,
             object,
             primitive: 0,
