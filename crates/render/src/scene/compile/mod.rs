@@ -16,6 +16,7 @@ use crate::light::{LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::Medium;
 use crate::texture;
+pub(crate) use geometry::vertex_normals;
 use geometry::{Context, Placed};
 
 /// Compiles a validated description whose meshes are loaded, for a picture of the given size.
