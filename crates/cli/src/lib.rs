@@ -29,6 +29,8 @@ enum Command {
     Render(Box<commands::render::Args>),
     /// Render a POV-Ray scene with POV-Ray's own switches and .ini files.
     Pov(commands::pov::Args),
+    /// Bake a scene's light into textures or vertices, as glTF.
+    Bake(Box<commands::bake::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
     /// Convert a scene to another format.
@@ -61,6 +63,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
+        Command::Bake(args) => commands::bake::run(*args),
         Command::Info(args) => commands::info::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),

@@ -1,5 +1,6 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
+pub mod bake;
 pub mod bench;
 pub mod compare;
 pub mod convert;

@@ -8,6 +8,7 @@
 
 mod ao;
 pub mod emission;
+pub mod irradiance;
 mod light_sampling;
 mod normals;
 mod particles;

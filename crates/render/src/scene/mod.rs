@@ -7,6 +7,7 @@ mod names;
 pub mod surface;
 
 pub use compile::compile;
+pub(crate) use compile::vertex_normals;
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;

@@ -17,6 +17,7 @@ use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::{self, MediumStack};
 use crate::texture;
+pub(crate) use geometry::vertex_normals;
 use geometry::{Context, Placed};
 
 /// Compiles a validated description whose meshes are loaded, for a picture of the given size.
