@@ -108,7 +108,8 @@ fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, varian
 
 /// Reads in the background and wraps the result.
 fn read(py: Python<'_>, places: Places, work: impl FnOnce() -> Result<SceneDesc, ReadError> + Send + 'static) -> PyResult<Scene> {
-    let desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
+    let mut desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
+    desc.report.losses.extend(etendue_render::scene::losses(&desc));
     Ok(Scene { desc: Arc::new(desc), places: Arc::new(places), view: None, compiled: Arc::default() })
 }
 
