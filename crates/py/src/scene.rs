@@ -4,11 +4,13 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use etendue_cli::scene_args::SceneArgs;
 use etendue_scene::formats::{self, ReadOptions, mitsuba};
 use etendue_scene::{ReadError, SceneDesc, Severity, passes, validate};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::parts::Prepared;
 use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
@@ -54,6 +56,19 @@ impl Scene {
             .collect()
     }
 
+    /// Compiles the scene for a farm's worker; see `etendue.Scene.prepare`.
+    fn prepare(
+        &self,
+        py: Python<'_>,
+        settings: &Bound<'_, PyDict>,
+        crop: Option<[u32; 4]>,
+        threads: usize,
+        aovs: Vec<String>,
+        fixed_spp: bool,
+    ) -> PyResult<Prepared> {
+        Prepared::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, crop, threads, &aovs, fixed_spp)
+    }
+
     /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.
     #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress))]
     #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
@@ -94,7 +109,10 @@ fn finish(mut desc: SceneDesc) -> Result<SceneDesc, ReadError> {
     Ok(desc)
 }
 
-/// Reads a scene file of any format.
+/// Clock, number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
+type Moment = (f64, i32, i32, [Option<u32>; 2]);
+
+/// Reads a scene file of any format, as the command line does.
 #[pyfunction]
 pub fn load(
     py: Python<'_>,
@@ -103,9 +121,16 @@ pub fn load(
     defines: BTreeMap<String, String>,
     variant: Option<String>,
     scene: Option<String>,
+    moment: Option<Moment>,
 ) -> PyResult<Scene> {
-    let options = options(search_paths, defines, variant, scene);
-    read(py, Places::default(), move || formats::read(&path, &options))
+    let Some((clock, frame, frames, size)) = moment else {
+        let options = options(search_paths, defines, variant, scene);
+        return read(py, Places::default(), move || formats::read(&path, &options));
+    };
+    let defines = defines.into_iter().collect();
+    let script_output = None;
+    let args = SceneArgs { scene: path, search_paths, defines, variant, gltf_scene: scene, clock, frame, frames, script_output, pov: None };
+    read(py, Places::default(), move || args.read(size))
 }
 
 /// Reads a Mitsuba scene from its XML text; names of files start in `folder`.
