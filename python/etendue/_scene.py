@@ -225,7 +225,7 @@ def load(
     *,
     scene: str | None = None,
 ) -> Scene:
-    """Read a scene file: Mitsuba 3 and older (.xml), glTF (.gltf, .glb), .obj, .ply, .stl.
+    """Read a scene file: Mitsuba 3 and older (.xml), POV-Ray (.pov), pbrt-v4 (.pbrt), glTF (.gltf, .glb), .obj, .ply, .stl.
 
     Args:
         path: The file.
@@ -242,7 +242,7 @@ def load(
         SceneError: The scene has faults; all of them with their places.
         UnsupportedError: The format is not read.
     """
-    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene))
+    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene, None))
 
 
 def load_string(

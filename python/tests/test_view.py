@@ -198,7 +198,7 @@ def test_a_page_gets_pictures_and_moves_the_camera(viewer: tuple[TestClient, Liv
         assert layer == pytest.approx(etendue.load(path).with_view(matrix, 1.5).render(spp=64), rel=1e-3, abs=1e-4)
 
         socket.send_json({"type": "layer", "layer": "normal"})
-        header, layer = picture(lambda h: h["layer"] == "normal")
+        _, layer = picture(lambda h: h["layer"] == "normal")
         assert np.linalg.norm(layer[-1], axis=1) == pytest.approx(1, abs=0.01)
         socket.send_json({"type": "settings", "settings": {"integrator": "normals", "spp": 2}})
         assert picture(lambda h: h["done"] and h["generation"] > moved["generation"])[0]["spp"] == 2

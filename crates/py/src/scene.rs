@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use etendue_cli::scene_args::SceneArgs;
 use etendue_render::scene::View;
 use etendue_scene::formats::{self, ReadOptions, mitsuba};
 use etendue_scene::{ReadError, RenderSettings, SceneDesc, Severity, passes, validate};
@@ -11,8 +12,9 @@ use glam::DMat4;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::places::{Place, Places};
 use crate::compiled::{Compiled, Source};
+use crate::parts::Prepared;
+use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
 
@@ -77,6 +79,22 @@ impl Scene {
         Ok(Self { desc: Arc::clone(&self.desc), places: Arc::clone(&self.places), view: Some(view), compiled: Arc::clone(&self.compiled) })
     }
 
+    /// Compiles the scene for a farm's worker; see `etendue.Scene.prepare`.
+    fn prepare(
+        &self,
+        py: Python<'_>,
+        settings: &Bound<'_, PyDict>,
+        crop: Option<[u32; 4]>,
+        threads: usize,
+        aovs: Vec<String>,
+        fixed_spp: bool,
+    ) -> PyResult<Prepared> {
+        if self.view.is_some() {
+            return Err(errors::error(py, "SettingError", "a scene with a moved camera cannot be prepared for a farm".to_owned()));
+        }
+        Prepared::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, crop, threads, &aovs, fixed_spp)
+    }
+
     /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.
     #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress, preview))]
     #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
@@ -108,8 +126,7 @@ fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, varian
 
 /// Reads in the background and wraps the result.
 fn read(py: Python<'_>, places: Places, work: impl FnOnce() -> Result<SceneDesc, ReadError> + Send + 'static) -> PyResult<Scene> {
-    let mut desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
-    desc.report.losses.extend(etendue_render::scene::losses(&desc));
+    let desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
     Ok(Scene { desc: Arc::new(desc), places: Arc::new(places), view: None, compiled: Arc::default() })
 }
 
@@ -118,10 +135,19 @@ fn finish(mut desc: SceneDesc) -> Result<SceneDesc, ReadError> {
     passes::load_meshes(&mut desc)?;
     passes::complete(&mut desc);
     validate::validate(&mut desc)?;
-    Ok(desc)
+    Ok(with_losses(desc))
 }
 
-/// Reads a scene file of any format.
+/// Adds what the renderer does not honor to the report, as the command line does.
+fn with_losses(mut desc: SceneDesc) -> SceneDesc {
+    desc.report.losses.extend(etendue_render::scene::losses(&desc));
+    desc
+}
+
+/// Clock, number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
+type Moment = (f64, i32, i32, [Option<u32>; 2]);
+
+/// Reads a scene file of any format, as the command line does.
 #[pyfunction]
 pub fn load(
     py: Python<'_>,
@@ -130,9 +156,16 @@ pub fn load(
     defines: BTreeMap<String, String>,
     variant: Option<String>,
     scene: Option<String>,
+    moment: Option<Moment>,
 ) -> PyResult<Scene> {
-    let options = options(search_paths, defines, variant, scene);
-    read(py, Places::default(), move || formats::read(&path, &options))
+    let Some((clock, frame, frames, size)) = moment else {
+        let options = options(search_paths, defines, variant, scene);
+        return read(py, Places::default(), move || formats::read(&path, &options).map(with_losses));
+    };
+    let defines = defines.into_iter().collect();
+    let script_output = None;
+    let args = SceneArgs { scene: path, search_paths, defines, variant, gltf_scene: scene, clock, frame, frames, script_output, pov: None };
+    read(py, Places::default(), move || args.read(size))
 }
 
 /// Reads a Mitsuba scene from its XML text; names of files start in `folder`.

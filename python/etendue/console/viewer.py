@@ -12,7 +12,7 @@ import json
 import math
 import secrets
 import tempfile
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -59,10 +59,14 @@ class Viewers:
         """Wake all; from any thread."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(lambda: [event.set() for event in self._events])
+                self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        for event in self._events:
+            event.set()
 
     @contextlib.contextmanager
-    def waiting(self) -> Any:
+    def waiting(self) -> Iterator[asyncio.Event]:
         """Give an event that is set whenever there is something new."""
         event = asyncio.Event()
         self._events.add(event)
@@ -266,7 +270,7 @@ _WHOLE = {"width": (1, LARGEST_EDGE), "height": (1, LARGEST_EDGE), "spp": (1, 1 
 _NAMES = ("integrator", "sampler", "filter", "light_sampler", "camera")
 
 
-def _settings(old: Any, given: dict[str, Any]) -> dict[str, object]:
+def _settings(old: Mapping[str, object], given: dict[str, Any]) -> dict[str, object]:
     """Return the settings with what a page asks for; None takes one back."""
     settings = dict(old)
     for name, value in given.items():
