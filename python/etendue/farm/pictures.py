@@ -86,6 +86,27 @@ class Pictures:
         """
         if not -64 <= exposure <= 64:
             raise InvalidError("the exposure is -64 to 64 stops")
+        version, _, numbers = self.layer(actor, job_id, frame, layer, size=size)
+        try:
+            data = display(numbers, layer, exposure, tonemap)
+        except etendue.SettingError as e:
+            raise InvalidError(str(e)) from e
+        return Picture(data=png(data), media_type="image/png", version=version)
+
+    def layer(self, actor: Actor, job_id: int, frame: int, layer: str = "rgb", *, size: int | None = None) -> tuple[int, list[str], Array]:
+        """Return a layer of a frame as it is now: its version, the names of all layers, and the numbers.
+
+        Args:
+            actor: Who asks.
+            job_id: The job.
+            frame: The frame's number.
+            layer: One of the names.
+            size: Longest edge in pixels; None: 1:1, up to `MAX_PREVIEW_EDGE`.
+
+        Raises:
+            NotFoundError: No unit is done yet, or there is no such layer.
+            InvalidError: The size does not fit.
+        """
         edge = MAX_PREVIEW_EDGE if size is None else size
         if not 1 <= edge <= MAX_PREVIEW_EDGE:
             raise InvalidError(f"the size of a preview is 1 to {MAX_PREVIEW_EDGE} pixels")
@@ -94,11 +115,7 @@ class Pictures:
             raise NotFoundError(f"no unit of frame {frame} of job {job_id} is done yet")
         if layer not in layers:
             raise NotFoundError(f"there is no layer `{layer[:40]}`; there are {', '.join(layers)}")
-        try:
-            data = display(shrink(layers[layer], edge), layer, exposure, tonemap)
-        except etendue.SettingError as e:
-            raise InvalidError(str(e)) from e
-        return Picture(data=png(data), media_type="image/png", version=version)
+        return version, list(layers), shrink(layers[layer], edge)
 
     def _films(self, actor: Actor, job_id: int, frame: int) -> tuple[int, dict[str, Array]]:
         with self._database.read() as session:
