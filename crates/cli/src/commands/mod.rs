@@ -9,6 +9,7 @@ pub mod info;
 pub mod merge;
 pub mod photons;
 pub mod pov;
+pub mod python;
 pub mod render;
 pub mod study;
 

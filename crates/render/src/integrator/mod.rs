@@ -144,6 +144,16 @@ pub struct Stage<'a> {
     pub progress: &'a (dyn Fn(&str, f64) + Sync),
 }
 
+impl<'a> Stage<'a> {
+    /// A stage of a method that is asked for light without a picture, as baking does; its camera sample is the pixel's center.
+    pub fn without_camera(seed: u64, is_cancelled: &'a (dyn Fn() -> bool + Sync), progress: &'a (dyn Fn(&str, f64) + Sync)) -> Self {
+        fn center(_: u32) -> CameraSample {
+            CameraSample { offset: Vec2::ZERO, weight: 1.0, u_lens: Vec2::splat(0.5) }
+        }
+        Self { size: [64, 64], seed, camera_sample: &center, is_cancelled, progress }
+    }
+}
+
 /// A way to compute light.
 pub trait Integrator: Send + Sync {
     /// Does what has to be done once, before the first sample.

@@ -5,12 +5,14 @@ pub mod geometry;
 mod losses;
 mod names;
 pub mod surface;
+mod view;
 
 pub use compile::compile;
 pub(crate) use compile::vertex_normals;
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;
+pub use view::View;
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
@@ -69,6 +71,8 @@ pub struct Scene {
     pub camera_medium: MediumStack,
     /// The camera.
     pub camera: Camera,
+    /// The view that replaces the file's camera ([`Scene::look`]); `None`: the file's own.
+    pub view: Option<View>,
     /// Box of all bounded geometry.
     pub bounds: Aabb,
     /// Whether any material lets light straight through, so that shadow rays must look.

@@ -8,6 +8,8 @@
 mod lower;
 mod shade;
 
+pub(crate) use lower::camera;
+
 use std::collections::HashMap;
 use std::sync::Arc;
 

@@ -89,6 +89,7 @@ fn compile_with(
         camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
         media,
         camera: Camera::new(camera, size[0], size[1]),
+        view: None,
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
@@ -119,7 +120,7 @@ fn compile_with(
 }
 
 /// The camera that the settings name by name or number, or the first.
-fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
+pub(super) fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
     let found = match &settings.camera {
         None => desc.cameras.first(),
         Some(name) => desc.cameras.iter().find(|c| c.name == *name).or_else(|| desc.cameras.get(name.parse::<usize>().ok()?)),
