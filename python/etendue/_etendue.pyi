@@ -50,7 +50,10 @@ class Scene:
         threads: int,
         aovs: Sequence[str],
         progress: Callable[[Status], object] | None,
+        preview: Callable[[_Layers, Status], object] | None,
     ) -> _Layers: ...
+    def view(self, camera: str | None) -> tuple[list[list[float]], float]: ...
+    def with_view(self, world_from_camera: Sequence[Sequence[float]], zoom: float) -> Scene: ...
 
 @final
 class Prepared:

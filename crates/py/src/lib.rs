@@ -5,6 +5,7 @@
 
 mod background;
 mod command;
+mod compiled;
 mod dict;
 mod errors;
 mod films;

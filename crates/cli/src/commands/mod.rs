@@ -7,6 +7,7 @@ pub mod denoise;
 pub mod info;
 pub mod merge;
 pub mod pov;
+pub mod python;
 pub mod render;
 
 use std::io::Write;

@@ -5,11 +5,13 @@ pub mod geometry;
 mod losses;
 mod names;
 pub mod surface;
+mod view;
 
 pub use compile::compile;
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;
+pub use view::View;
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
@@ -60,6 +62,8 @@ pub struct Scene {
     pub media: Vec<crate::medium::Medium>,
     /// The camera.
     pub camera: Camera,
+    /// The view that replaces the file's camera ([`Scene::look`]); `None`: the file's own.
+    pub view: Option<View>,
     /// Box of all bounded geometry.
     pub bounds: Aabb,
     /// Whether any material lets light straight through, so that shadow rays must look.

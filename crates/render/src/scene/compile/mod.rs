@@ -56,6 +56,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         textures,
         media: desc.media.iter().map(|m| Medium::new(&m.value)).collect(),
         camera: Camera::new(camera, size[0], size[1]),
+        view: None,
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
@@ -79,7 +80,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
 }
 
 /// The camera that the settings name by name or number, or the first.
-fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
+pub(super) fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
     let found = match &settings.camera {
         None => desc.cameras.first(),
         Some(name) => desc.cameras.iter().find(|c| c.name == *name).or_else(|| desc.cameras.get(name.parse::<usize>().ok()?)),
