@@ -109,6 +109,8 @@ class Scheduler:
         self._restart_at: dict[str, float] = {}
         self._hooks = ThreadPoolExecutor(2, thread_name_prefix="webhook")
         self._stop = threading.Event()
+        self.thread: threading.Thread | None = None
+        """Where it runs, if someone has started it in a thread."""
         self._take_over()
 
     # ---- running ----
