@@ -5,7 +5,7 @@ import sys
 
 from etendue._etendue import cli_main
 
-PYTHON_COMMANDS = {"view": "etendue.console.view"}
+PYTHON_COMMANDS = {"farm": "etendue.farm.cli", "view": "etendue.console.view"}
 """Commands that are written in Python, with the modules whose `main(argv)` runs them; all others are the renderer's own."""
 
 

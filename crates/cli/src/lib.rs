@@ -40,6 +40,8 @@ enum Command {
     Merge(commands::merge::Args),
     /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
     Denoise(commands::denoise::Args),
+    /// Render on many machines: up, submit, status, wait, fetch and more (needs the Python package).
+    Farm(commands::python::Args),
     /// Look at a scene in the browser while it renders (needs the Python package).
     View(commands::python::Args),
 }
@@ -64,7 +66,8 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Compare(args) => commands::compare::run(args),
         Command::Merge(args) => commands::merge::run(args),
         Command::Denoise(args) => commands::denoise::run(args),
-        Command::View(_) => commands::python::refuse("view"),
+        Command::Farm(_) => commands::python::refuse("farm", "farm"),
+        Command::View(_) => commands::python::refuse("view", "console"),
     };
     result.unwrap_or_else(|e| {
         commands::note(&format!("etendue: error: {}", with_causes(&e)));

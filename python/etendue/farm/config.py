@@ -56,6 +56,8 @@ class FarmConfig(BaseModel):
     price: Annotated[float, Field(ge=0)] = 0.0
     """Of a core and hour on nodes without a price of their own."""
     currency: str = "USD"
+    private_webhooks: bool = False
+    """Whether jobs may notify addresses of private networks."""
     limits: Limits = Field(default_factory=Limits)
 
     @classmethod

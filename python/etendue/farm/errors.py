@@ -26,7 +26,7 @@ class NotFoundError(FarmError):
 
     code = "not-found"
     status = 404
-    exit_code = 3
+    exit_code = 6
 
 
 class ForbiddenError(FarmError):
@@ -50,7 +50,7 @@ class TooLargeError(FarmError):
 
     code = "too-large"
     status = 413
-    exit_code = 2
+    exit_code = 3
 
 
 class QuotaError(FarmError):

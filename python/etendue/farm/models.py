@@ -185,11 +185,19 @@ class Frame(Base):
     """Samples per pixel that are planned; None where noise, time or cost decides."""
     spp_done: Mapped[int] = mapped_column(Integer, default=0)
     """Samples per pixel that every pixel has."""
+    is_adaptive: Mapped[bool] = mapped_column(Boolean, default=False)
+    """Whether units must have all samples."""
+    is_whole: Mapped[bool] = mapped_column(Boolean, default=False)
+    """Whether units must be the whole picture."""
+    round: Mapped[int] = mapped_column(Integer, default=0)
+    """The round of samples that is in work."""
     spp_planned: Mapped[int] = mapped_column(Integer, default=0)
     """Samples per pixel for which there are units."""
     relative_error: Mapped[float | None] = mapped_column(Float)
     secs_per_sample: Mapped[float | None] = mapped_column(Float)
     """Core-seconds for a sample of one pixel, from the probe."""
+    estimated_core_secs: Mapped[float | None] = mapped_column(Float)
+    """Of the whole frame, from the probe."""
     load_secs: Mapped[float | None] = mapped_column(Float)
     """Seconds from the file to the first sample, from the probe."""
     units_total: Mapped[int] = mapped_column(Integer, default=0)

@@ -172,7 +172,7 @@ class Pictures:
 
 def film_paths(frame: Frame, films: list[Film]) -> list[str]:
     """Return the names in the store of the films whose sum is the frame so far."""
-    return [frame.film] if frame.film is not None else [film.path for film in films]
+    return ([frame.film] if frame.film is not None else []) + [film.path for film in films]
 
 
 def shrink(picture: Array, edge: int) -> Array:

@@ -17,6 +17,6 @@ pub struct Args {
 ///
 /// # Errors
 /// Always.
-pub fn refuse(command: &str) -> anyhow::Result<ExitCode> {
-    Err(coded(exit::USAGE, format!("`etendue {command}` comes with the Python package: pip install \"etendue[console]\"")))
+pub fn refuse(command: &str, extra: &str) -> anyhow::Result<ExitCode> {
+    Err(coded(exit::USAGE, format!("`etendue {command}` comes with the Python package: pip install \"etendue[{extra}]\"")))
 }
