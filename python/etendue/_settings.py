@@ -32,6 +32,22 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    radiosity_method: str | None
+    """How radiosity is solved: hierarchical, progressive, matrix."""
+    radiosity_error: float | None
+    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
+    radiosity_elements: int | None
+    """Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given."""
+    radiosity_links: int | None
+    """Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given."""
+    radiosity_form_factors: str | None
+    """How progressive and matrix radiosity find form factors: rays, hemicube."""
+    radiosity_solver: str | None
+    """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
+    radiosity_gather: int | None
+    """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
+    radiosity_display: str | None
+    """How the radiosity solution is drawn without gathering: smooth, elements, mesh."""
     light_groups: bool | None
     """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
     mipmap: bool | None

@@ -1,5 +1,6 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
+pub mod bake;
 pub mod bench;
 pub mod compare;
 pub mod convert;
@@ -8,6 +9,7 @@ pub mod info;
 pub mod merge;
 pub mod photons;
 pub mod pov;
+pub mod python;
 pub mod render;
 pub mod study;
 

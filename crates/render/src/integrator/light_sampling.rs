@@ -24,6 +24,8 @@ pub(super) struct Direct {
     pub pdf: f32,
     /// Light group.
     pub group: u32,
+    /// The light.
+    pub light: u32,
 }
 
 /// The context of a surface point for light sampling.
@@ -40,7 +42,7 @@ pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
     let sample = scene.lights[index as usize].sample(ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
-    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
+    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
 }
 
 /// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased
@@ -90,7 +92,7 @@ fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
 pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &mut HashRng) -> Spectrum {
     if scene.has_null {
         transmittance_through_surfaces(scene, ray, *media, rng)
-    } else if scene.accel.occluded(&ray) {
+    } else if scene.occluded(&ray) {
         Spectrum::ZERO
     } else if let Some(medium) = scene.medium(media) {
         medium.transmittance(&ray, ray.t_max, rng)
@@ -102,15 +104,14 @@ pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &
 fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: MediumStack, rng: &mut HashRng) -> Spectrum {
     let mut through = Spectrum::ONE;
     for _ in 0..MAX_CROSSINGS {
-        let hit = scene.accel.intersect(&ray);
-        if hit.is_some_and(|hit| !scene.hit_material(&hit).has_null) {
+        let hit = scene.intersect_shadow(&ray);
+        if hit.as_ref().is_some_and(|s| !scene.materials[s.material as usize].has_null) {
             return Spectrum::ZERO;
         }
         if let Some(medium) = scene.medium(&media) {
-            through *= medium.transmittance(&ray, hit.map_or(ray.t_max, |h| h.t), rng);
+            through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
         }
-        let Some(hit) = hit else { return through };
-        let s = scene.surface(&ray, &hit);
+        let Some(s) = hit else { return through };
         through *= scene.materials[s.material as usize].shade(scene, &s, -ray.d).null_transmittance(-ray.d);
         if through.is_black() {
             return Spectrum::ZERO;
@@ -119,7 +120,7 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
             media.cross(scene, &s, ray.d);
         }
         let o = s.offset_origin(ray.d);
-        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - hit.t, ..ray };
+        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
     }
     Spectrum::ZERO
 }

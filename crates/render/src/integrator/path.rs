@@ -6,9 +6,12 @@
 //!
 //! Surfaces that let light straight through (masks, thin panes) do not end the search for lights: shadow rays cross them, and
 //! a path that crosses one keeps the density of its last real scattering for the weights.
+//!
+//! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
-use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility, visibility_in_medium};
-use super::{Estimate, FirstHit, Integrator};
+use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::volume::{self, Scattered, power_of_three};
+use super::{Estimate, FirstHit, Integrator, Vertex};
 use crate::accel::Ray;
 use crate::bsdf::{Bsdf, Lobe, TransportMode};
 use crate::camera::CameraRay;
@@ -31,13 +34,8 @@ pub struct Path {
     pub max_depth: u32,
     /// Scattering events after which Russian roulette may end a path.
     pub rr_depth: u32,
-}
-
-/// The last real scattering, which the weights of the light found next refer to.
-struct Vertex {
-    ctx: LightContext,
-    /// Density of the direction; infinite for the camera and for delta lobes.
-    pdf: f32,
+    /// Samples direct light along segments in homogeneous media by the angle from the light as well: less noise about small lights.
+    pub equiangular: bool,
 }
 
 /// The cone of directions that a path's sample stands for, after Akenine-Möller et al. 2019 (Ray Tracing Gems ch. 20).
@@ -79,7 +77,7 @@ impl Path {
     fn trace<const MEDIA: bool>(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
-        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY };
+        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
         let (mut depth, mut crossings) = (0, 0);
         // Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
         let mut eta_scale = 1.0f32;
@@ -96,32 +94,20 @@ impl Path {
                     out.add(throughput * crossing.emitted, 0);
                     throughput *= crossing.transmittance;
                 } else {
-                    let flight = medium.sample_flight(&ray, t_max, throughput, stream.next_1d(), &mut rng);
-                    out.add(throughput * flight.emitted, 0);
-                    throughput *= flight.weight;
-                    if let Some(t) = flight.scattered_at.filter(|_| !throughput.is_black()) {
+                    let equiangular = self.equiangular;
+                    let scattered =
+                        volume::advance(scene, medium, &media, &ray, t_max, &mut throughput, equiangular, stream, &mut rng, out);
+                    if let Some(Scattered { t, wi, vertex }) = scattered {
                         if depth == 0 {
                             out.alpha = 1.0;
                             if let Some(s) = &found {
                                 behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
                             }
                         }
-                        let p = ray.at(t);
-                        let wo = -ray.d;
-                        let ctx = LightContext { p, n: Vec3::ZERO };
-                        if let Some(direct) = sample_one(scene, &ctx, stream) {
-                            let pdf = medium.phase().pdf(wo, direct.sample.wi);
-                            let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, pdf) };
-                            let f = medium.phase().eval(wo, direct.sample.wi);
-                            let visible = visibility_in_medium(scene, p, &media, &direct.sample, &mut rng);
-                            out.add(throughput * direct.radiance * visible * (f * weight / direct.pdf), direct.group);
-                        }
-                        let sample = medium.phase().sample(wo, stream.next_2d());
-                        throughput *= sample.weight;
-                        ray = Ray::new(p, sample.wi);
+                        ray = Ray::new(ray.at(t), wi);
                         cone.advance(t, 1.0);
-                        cone.scatter(sample.pdf);
-                        last = Vertex { ctx, pdf: sample.pdf };
+                        cone.scatter(vertex.pdf);
+                        last = vertex;
                         depth += 1;
                         if !self.survives(depth, &mut throughput, eta_scale, stream.next_1d()) {
                             return;
@@ -191,7 +177,7 @@ impl Path {
             eta_scale *= fns::sqr(sample.eta);
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
             cone.scatter(pdf);
-            last = Vertex { ctx, pdf };
+            last = Vertex { ctx, pdf, on_segment: None };
             if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
                 return;
             }
@@ -224,7 +210,7 @@ fn behind_medium(scene: &Scene, s: &Surface, wo: Vec3, depth: f32, out: &mut Est
 #[inline]
 fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
     let Some(emission) = &s.object(scene).emission else { return };
-    if depth == 0 && scene.hide_lights {
+    if depth == 0 && scene.hides(s) {
         return;
     }
     let radiance = scene.emitted(s, wo);
@@ -232,7 +218,16 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
         return;
     }
     let weight = match s.light(scene) {
-        Some(light) if last.pdf.is_finite() => power_heuristic(last.pdf, pdf_surface(scene, &last.ctx, light, s)),
+        Some(light) if last.pdf.is_finite() => {
+            let by_light = pdf_surface(scene, &last.ctx, light, s);
+            match &last.on_segment {
+                None => power_heuristic(last.pdf, by_light),
+                Some(on) => {
+                    let pdf_light = scene.lights[light as usize].pdf_hit(&last.ctx, s.p, s.ng);
+                    power_of_three(last.pdf, by_light, on.relative_pdf(scene, light, pdf_light))
+                }
+            }
+        }
         _ => 1.0,
     };
     out.add(throughput * radiance * weight, emission.group);

@@ -35,6 +35,12 @@ impl Equiangular {
         self.to - self.from
     }
 
+    /// How far the point is from the ray's line.
+    #[inline]
+    pub fn distance(&self) -> f32 {
+        self.distance
+    }
+
     /// A distance along the ray, for u in [0, 1).
     #[inline]
     pub fn sample(&self, u: f32) -> f32 {
