@@ -176,7 +176,7 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
     let watcher = Watch::new(&bake, Progress::new(mode), args);
     let is_cancelled = || cancel.is_cancelled();
     let progress = |what: &str, fraction: f64| watcher.progress.stage(what, fraction);
-    let stage = Stage { size: [64, 64], seed: settings.seed, is_cancelled: &is_cancelled, progress: &progress };
+    let stage = Stage::without_camera(settings.seed, &is_cancelled, &progress);
     let method = bake.method(&args.method, &stage).map_err(|e| failed(e, &desc))?;
     let mut solution = resume(args, &bake)?.unwrap_or_else(|| Solution::new(bake.point_count()));
     let default = if args.method == "path" { DEFAULT_SPP[0] } else { DEFAULT_SPP[1] };

@@ -7,8 +7,11 @@ pub mod convert;
 pub mod denoise;
 pub mod info;
 pub mod merge;
+pub mod photons;
 pub mod pov;
+pub mod python;
 pub mod render;
+pub mod study;
 
 use std::io::Write;
 

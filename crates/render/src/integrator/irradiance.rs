@@ -12,7 +12,6 @@ use crate::light::LightContext;
 use crate::math::warp::{UNIFORM_SPHERE_PDF, cosine_hemisphere, cosine_hemisphere_pdf, power_heuristic, uniform_sphere};
 use crate::math::{Frame, Vec2, Vec3};
 use crate::sampler::SampleStream;
-use crate::scene::geometry::NONE;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -40,11 +39,13 @@ pub fn in_air(p: Vec3) -> Surface {
         dpdv: Vec3::ZERO,
         bary: Vec2::ZERO,
         t: 0.0,
+        instance: 0,
         geometry: 0,
         object: 0,
         primitive: 0,
         material: 0,
         footprint: 0.0,
+        solid: None,
     }
 }
 
@@ -76,7 +77,7 @@ impl Receiver<'_> {
         if let Some(direct) = sample_one(scene, &ctx, stream).filter(|d| self.sees(d.sample.wi)) {
             let wi = direct.sample.wi;
             let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, self.pdf(wi)) };
-            let visible = visibility(scene, s, s.ng, NONE, &direct.sample);
+            let visible = visibility(scene, s, s.ng, &scene.camera_medium, &direct.sample, &mut stream.rng());
             add(wi, direct.radiance * visible * (weight / direct.pdf));
         }
         let u = stream.next_2d();

@@ -13,6 +13,7 @@ mod sidecar;
 mod spectrum;
 mod summary;
 pub mod tessellate;
+mod volume;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};

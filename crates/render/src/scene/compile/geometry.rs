@@ -85,6 +85,7 @@ fn object(node: &Node<ShapeDesc>, ctx: &mut Context) -> Object {
             group: ctx.groups.intern(if ctx.light_groups && e.group.is_empty() { &node.name } else { &e.group }),
         }),
         interior: shape.interior.map_or(NONE, |m| m.0),
+        exterior: shape.exterior.map_or(NONE, |m| m.0),
         id: ctx.object_count,
         flip_normals: shape.flip_normals,
         wants_tangents: ctx.tangents || ctx.materials[material as usize].wants_tangents,
