@@ -5,11 +5,14 @@ pub mod geometry;
 mod losses;
 mod names;
 pub mod surface;
+mod view;
 
 pub use compile::compile;
+pub(crate) use compile::vertex_normals;
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;
+pub use view::View;
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
@@ -17,7 +20,7 @@ use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
 use crate::classic::physical::Physical;
-use crate::light::{Light, LightSample, LightSampler};
+use crate::light::{Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
 use crate::medium::{Medium, MediumStack};
@@ -68,6 +71,8 @@ pub struct Scene {
     pub camera_medium: MediumStack,
     /// The camera.
     pub camera: Camera,
+    /// The view that replaces the file's camera ([`Scene::look`]); `None`: the file's own.
+    pub view: Option<View>,
     /// Box of all bounded geometry.
     pub bounds: Aabb,
     /// Whether any material lets light straight through, so that shadow rays must look.
@@ -80,11 +85,19 @@ pub struct Scene {
     pub classic: Option<Box<ClassicWorld>>,
     /// The solids of a classic scene for all other integrators.
     pub solids: Option<Box<Physical>>,
+    /// Names what light depends on (`SceneDesc::light_hash`), where the settings name a photon map that must be of the same.
+    pub light_hash: Option<String>,
     /// Sentences about what could not be loaded and is left out.
     pub warnings: Vec<String>,
 }
 
 impl Scene {
+    /// The sphere around everything bounded: what infinite lights shine on.
+    pub fn sphere(&self) -> SceneSphere {
+        let (center, radius) = self.bounds.bounding_sphere();
+        if radius.is_finite() && radius > 0.0 { SceneSphere { center, radius } } else { SceneSphere { center: Vec3::ZERO, radius: 1.0 } }
+    }
+
     /// The medium that a path is in; `None` in empty space.
     #[inline]
     pub fn medium(&self, stack: &MediumStack) -> Option<&Medium> {

@@ -25,6 +25,8 @@ pub struct Surface {
     pub bary: Vec2,
     /// Ray parameter.
     pub t: f32,
+    /// Index of the placement: which instance was hit.
+    pub instance: u32,
     /// Index of the geometry.
     pub geometry: u32,
     /// Object within the geometry.
@@ -200,6 +202,7 @@ impl Scene {
             dpdv: local.dpdv,
             bary: Vec2::new(hit.u, hit.v),
             t: hit.t,
+            instance: hit.instance,
             geometry: placement.geometry,
             object: object_index,
             primitive: hit.prim,

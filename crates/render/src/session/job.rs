@@ -8,9 +8,9 @@ use etendue_scene::{Fault, RenderSettings, SceneDesc};
 use super::{Antialias, Aov, Session};
 use crate::classic::{self, WorkingSpace};
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
-use crate::integrator;
+use crate::integrator::{self, Integrator};
 use crate::sampler::{Sampler, SamplerKind};
-use crate::scene;
+use crate::scene::{self, Scene, View};
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
@@ -172,8 +172,32 @@ fn filter(desc: FilterDesc) -> Filter {
 /// # Errors
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
-    let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
-    let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
+    // A wrong name is told before any work is done.
+    method(desc, settings, plan)?;
+    let scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    prepare_compiled(desc, settings, plan, aovs, Arc::new(scene))
+}
+
+/// A text of all settings that a compiled scene depends on. One that was compiled from the same description with the same text serves
+/// another plan after [`Scene::look`] for the plan's size.
+pub fn compile_key(settings: &RenderSettings) -> String {
+    // Camera and size are `Scene::look`'s; the others are about samples.
+    let kept = RenderSettings { width: None, height: None, camera: None, spp: None, seed: 0, filter: None, ..settings.clone() };
+    kept.given()
+}
+
+/// Makes a session for a scene that has been compiled from the description with these settings and looks the way it is to be rendered.
+///
+/// # Errors
+/// [`JobError`]
+pub fn prepare_compiled(
+    desc: &SceneDesc,
+    settings: &RenderSettings,
+    plan: &Plan,
+    aovs: &[Aov],
+    scene: Arc<Scene>,
+) -> Result<Session, JobError> {
+    let integrator = method(desc, settings, plan)?;
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
     let space = match &desc.classic {
@@ -185,7 +209,7 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
         seed: settings.seed,
         integrator: plan.integrator.clone(),
         renderer: format!("etendue {}", env!("CARGO_PKG_VERSION")),
-        settings_hash: settings_hash(desc, settings, plan),
+        settings_hash: settings_hash(desc, settings, plan, scene.view.as_ref()),
         ..FilmMeta::default()
     };
     let mut session = Session::new(scene, integrator, sampler, spec, aovs.to_vec(), meta)?;
@@ -195,9 +219,21 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     Ok(session)
 }
 
+/// The integrator of a plan, where it can render the scene.
+///
+/// # Errors
+/// [`JobError::Setting`]
+pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Result<Box<dyn Integrator>, JobError> {
+    let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
+    if plan.antialias.is_some() && integrator.shares_camera_samples() {
+        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    }
+    Ok(integrator)
+}
+
 /// A text of all settings that samples depend on; films merge only where it is equal. Settings that are not named here as having no
 /// influence count as having some.
-fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
+fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan, view: Option<&View>) -> String {
     let stratified = if plan.sampler == SamplerKind::Stratified { plan.spp } else { 0 };
     let method = RenderSettings {
         // In the film's spec, in its meta data, or in the plan.
@@ -216,5 +252,6 @@ fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
         ..s.clone()
     };
     let antialias = plan.antialias.map_or(String::new(), |a| format!(" antialias {}/{}", a.threshold, a.depth));
-    format!("{} {:?}/{stratified}{antialias} {}", plan.integrator, plan.sampler, method.given())
+    let view = view.map_or(String::new(), |v| format!(" view {:?} {}", v.world_from_camera.to_cols_array(), v.zoom));
+    format!("{} {:?}/{stratified}{antialias}{view} {}", plan.integrator, plan.sampler, method.given())
 }

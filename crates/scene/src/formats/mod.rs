@@ -13,7 +13,7 @@ mod resolver;
 mod sidecar;
 mod spectrum;
 mod summary;
-mod tessellate;
+pub mod tessellate;
 mod volume;
 
 pub use resolver::{ResolveError, Resolver};

@@ -125,7 +125,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 /// The methods to study, each once.
 fn methods(given: &[String]) -> Result<Vec<String>, String> {
     if given.is_empty() {
-        return Ok(integrator::NAMES.into_iter().filter(|n| !NOT_STUDIED.contains(n)).map(str::to_owned).collect());
+        return Ok(integrator::NAMES.iter().copied().filter(|n| !NOT_STUDIED.contains(n)).map(str::to_owned).collect());
     }
     let mut methods: Vec<String> = Vec::new();
     for name in given.iter().map(|n| n.trim()) {

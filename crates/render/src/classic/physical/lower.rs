@@ -167,7 +167,10 @@ fn spot(location: DVec3, axis: DVec3, intensity: [f32; 3], outer: f64, inner: f6
 }
 
 /// The camera in the form of physical scenes. Its space may be mirrored: POV-Ray's is left-handed.
-fn camera(camera: &Camera, size: [u32; 2]) -> Result<CameraDesc, String> {
+///
+/// # Errors
+/// A sentence for cameras that have no physical counterpart here.
+pub(crate) fn camera(camera: &Camera, size: [u32; 2]) -> Result<CameraDesc, String> {
     let [right, up, forward] = [camera.right, camera.up, camera.direction];
     let lengths = [right.length(), up.length(), forward.length()];
     if !lengths.iter().all(|l| *l > 0.0 && l.is_finite()) || !camera.location.is_finite() {

@@ -17,6 +17,7 @@ use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::{self, MediumStack};
 use crate::texture;
+pub(crate) use geometry::vertex_normals;
 use geometry::{Context, Placed};
 
 /// Compiles a validated description whose meshes are loaded, for a picture of the given size.
@@ -33,6 +34,7 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     warnings.extend(losses.into_iter().map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
     let mut scene = compile_with(&lights, settings, size, Some(Box::new(solids)))?;
     scene.warnings.extend(warnings);
+    scene.light_hash = settings.photon_map.is_some().then(|| desc.light_hash());
     Ok(scene)
 }
 
@@ -74,9 +76,9 @@ fn compile_with(
         bounds = bounds.union(solids.bounds());
         solids.add_objects(&mut geometries[0].objects, &mut media, 0);
     }
+    let environment = solids.as_ref().and_then(|s| s.environment());
     let has_border = |o: &super::geometry::Object| o.interior != super::geometry::NONE || o.exterior != super::geometry::NONE;
     let media_in_use = geometries.iter().flat_map(|g| &g.objects).any(has_border);
-    let environment = solids.as_ref().and_then(|s| s.environment());
     let mut scene = Scene {
         bounds,
         geometries,
@@ -87,9 +89,11 @@ fn compile_with(
         camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
         media,
         camera: Camera::new(camera, size[0], size[1]),
+        view: None,
         has_null,
         mipmap: settings.mipmap,
         hide_lights: desc.integrator.hide_lights,
+        light_hash: settings.photon_map.is_some().then(|| desc.light_hash()),
         classic: None,
         solids,
         warnings,
@@ -119,7 +123,7 @@ fn compile_with(
 }
 
 /// The camera that the settings name by name or number, or the first.
-fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
+pub(super) fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
     let found = match &settings.camera {
         None => desc.cameras.first(),
         Some(name) => desc.cameras.iter().find(|c| c.name == *name).or_else(|| desc.cameras.get(name.parse::<usize>().ok()?)),
