@@ -36,8 +36,9 @@ pub(super) fn context(s: &Surface) -> LightContext {
     LightContext { p: s.p, n: s.frame.n }
 }
 
-/// Chooses one light for a point and samples it; always draws three numbers.
-#[inline]
+/// Chooses one light for a point and samples it; always draws three numbers. Inlined always, like the shadow rays below: with several
+/// integrators as callers the compiler would not, and paths would pay for the calls.
+#[inline(always)]
 pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
     let (u_light, u) = (stream.next_1d(), stream.next_2d());
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
@@ -49,7 +50,7 @@ pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
 
 /// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased
 /// estimate where the light crosses a grid medium.
-#[inline]
+#[inline(always)]
 pub(super) fn visibility(
     scene: &Scene,
     from: &Surface,
@@ -90,7 +91,7 @@ fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
 
 /// The share of light that passes straight along a ray with a unit direction, through surfaces that let it and through what is between
 /// them; `media` are those at the ray's origin. An unbiased estimate where the ray crosses a grid medium.
-#[inline]
+#[inline(always)]
 pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &mut HashRng) -> Spectrum {
     if scene.has_null {
         transmittance_through_surfaces(scene, ray, *media, rng)

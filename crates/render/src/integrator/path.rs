@@ -207,7 +207,7 @@ fn behind_medium(scene: &Scene, s: &Surface, wo: Vec3, depth: f32, out: &mut Est
 }
 
 /// Light that the surface itself sends back along the ray.
-#[inline]
+#[inline(always)]
 fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
     let Some(emission) = &s.object(scene).emission else { return };
     if depth == 0 && scene.hides(s) {
