@@ -28,6 +28,8 @@ enum Command {
     Render(Box<commands::render::Args>),
     /// Render a POV-Ray scene with POV-Ray's own switches and .ini files.
     Pov(commands::pov::Args),
+    /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
+    Light(Box<commands::light::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
     /// Convert a scene to another format.
@@ -56,6 +58,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
+        Command::Light(args) => commands::light::run(*args),
         Command::Info(args) => commands::info::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),

@@ -5,6 +5,7 @@ pub mod compare;
 pub mod convert;
 pub mod denoise;
 pub mod info;
+pub mod light;
 pub mod merge;
 pub mod pov;
 pub mod render;

@@ -7,6 +7,7 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+mod illuminance;
 mod light_sampling;
 mod normals;
 mod path;
@@ -14,6 +15,7 @@ mod raster;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use illuminance::{Illuminance, sample_irradiance};
 pub use normals::Normals;
 pub use path::Path;
 pub use raster::Raster;
@@ -149,6 +151,11 @@ pub trait Integrator: Send + Sync {
         false
     }
 
+    /// Whether the scene is to hide its lights from the camera for this method, whatever the file says.
+    fn hides_lights(&self) -> bool {
+        false
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -164,7 +171,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 6] = ["path", "direct", "whitted", "raster", "ao", "normals"];
+pub const NAMES: [&str; 7] = ["path", "direct", "whitted", "raster", "illuminance", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -182,6 +189,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
         "whitted" => Box::new(Whitted { max_depth }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
+        "illuminance" => {
+            let path = RenderSettings { integrator: Some("path".into()), ..settings.clone() };
+            Box::new(Illuminance::new(create(&path, desc)?))
+        }
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

@@ -177,7 +177,9 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     if plan.antialias.is_some() && integrator.shares_camera_samples() {
         return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
     }
-    let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
+    let mut scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    scene.hide_lights |= integrator.hides_lights();
+    let scene = Arc::new(scene);
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
     let space = match &desc.classic {
