@@ -6,6 +6,7 @@ pub mod compare;
 pub mod convert;
 pub mod denoise;
 pub mod info;
+pub mod light;
 pub mod merge;
 pub mod photons;
 pub mod pov;

@@ -8,6 +8,7 @@
 
 mod ao;
 pub mod emission;
+mod illuminance;
 pub mod irradiance;
 mod light_sampling;
 mod normals;
@@ -23,6 +24,7 @@ mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use illuminance::Illuminance;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
@@ -183,6 +185,11 @@ pub trait Integrator: Send + Sync {
         false
     }
 
+    /// Whether the scene is to hide its lights from the camera for this method, whatever the file says.
+    fn hides_lights(&self) -> bool {
+        false
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -198,7 +205,8 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] =
+    &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "illuminance", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -221,6 +229,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "whitted" => Box::new(Whitted { max_depth }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "radiosity" => Box::new(Radiosity::new(settings)?),
+        "illuminance" => {
+            let path = RenderSettings { integrator: Some("path".into()), ..settings.clone() };
+            Box::new(Illuminance::new(create(&path, desc)?))
+        }
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),
