@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, direct, whitted, radiosity, ao, normals."""
+    """How light is computed: path, direct, particles, photon, sppm, whitted, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -52,5 +52,15 @@ class RenderSettings(TypedDict, total=False):
     """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
     mipmap: bool | None
     """Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred."""
+    photons: int | None
+    """Photons of a photon map (1 000 000 where not given), or of each pass of sppm (one for each pixel)."""
+    photon_neighbors: int | None
+    """Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given."""
+    photon_radius: float | None
+    """Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given."""
+    photon_memory: int | None
+    """Most memory for photons; where they are more, they are thinned, with a message."""
+    photon_map: str | None
+    """Photon map to use, made before by `etendue photons trace`: for particles and photon."""
     camera: str | None
     """Name or number of the camera, where a file has several."""

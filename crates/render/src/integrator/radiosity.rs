@@ -23,7 +23,6 @@ use crate::math::{INV_PI, Vec3};
 use crate::radiosity::material::diffuse_reflectance;
 use crate::radiosity::{self, Display, Progress, Solution};
 use crate::sampler::SampleStream;
-use crate::scene::geometry::NONE;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -157,12 +156,13 @@ impl Radiosity {
     ) {
         let throughput = throughput / self.gather as f32;
         let ctx = context(s);
+        let mut rng = stream.rng();
         for _ in 0..self.gather {
             if let Some(direct) = sample_one(scene, &ctx, stream) {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
-                    let visible = visibility(scene, s, wo, NONE, &direct.sample);
+                    let visible = visibility(scene, s, wo, &scene.camera_medium, &direct.sample, &mut rng);
                     if !visible.is_black() {
                         out.add(throughput * f * direct.radiance * visible * (weight / direct.pdf), direct.group);
                     }
