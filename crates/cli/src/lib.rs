@@ -33,6 +33,8 @@ enum Command {
     Bake(Box<commands::bake::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
+    /// Print the form factors of a scene's elements as a table.
+    FormFactors(Box<commands::form_factors::Args>),
     /// Convert a scene to another format.
     Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
@@ -69,6 +71,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Pov(args) => commands::pov::run(args),
         Command::Bake(args) => commands::bake::run(*args),
         Command::Info(args) => commands::info::run(args),
+        Command::FormFactors(args) => commands::form_factors::run(*args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),

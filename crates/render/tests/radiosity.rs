@@ -250,7 +250,12 @@ fn room() -> SceneDesc {
     wall(&mut desc, at(0.0, -1.0, 0.0) * Mat4::from_rotation_x(-quarter), [0.7; 3]);
     wall(&mut desc, at(0.0, 1.0, 0.0) * Mat4::from_rotation_x(quarter), [0.5; 3]);
     let gray = diffuse(&mut desc, 0.5);
-    shape(&mut desc, GeometryDesc::Cube, at(0.3, 0.2, -0.75) * Mat4::from_rotation_z(0.5) * Mat4::from_scale(Vec3::splat(0.25)), Some(gray));
+    shape(
+        &mut desc,
+        GeometryDesc::Cube,
+        at(0.3, 0.2, -0.75) * Mat4::from_rotation_z(0.5) * Mat4::from_scale(Vec3::splat(0.25)),
+        Some(gray),
+    );
     let black = diffuse(&mut desc, 0.0);
     let light = rectangle(&mut desc, Vec3::new(-0.2, 0.0, 0.9), [0.4, 0.3], true, Some(black));
     emit(&mut desc, light, Color::Constant([4.0, 3.0, 2.0]));
@@ -369,9 +374,13 @@ fn lights_that_are_no_surfaces_arrive() {
         compiled(&mut desc)
     };
     let cases: [(&str, Scene, f64); 3] = [
-        ("point", floor(&|d| {
-            add(d, LightDesc::Point { position: Vec3::new(0.0, 0.0, 2.0), intensity: [8.0; 3] });
-        }), 2.0),
+        (
+            "point",
+            floor(&|d| {
+                add(d, LightDesc::Point { position: Vec3::new(0.0, 0.0, 2.0), intensity: [8.0; 3] });
+            }),
+            2.0,
+        ),
         ("sky", floor(&|d| constant_sky(d, 1.0)), PI),
         (
             "directional",

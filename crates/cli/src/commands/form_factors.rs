@@ -34,8 +34,11 @@ pub struct Args {
 /// Cuts the scene as the matrix method would and prints each element with its row of the matrix.
 pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let given = &args.settings.0;
-    let settings =
-        RenderSettings { radiosity_method: Some("matrix".into()), radiosity_elements: given.radiosity_elements.or(Some(500)), ..given.clone() };
+    let settings = RenderSettings {
+        radiosity_method: Some("matrix".into()),
+        radiosity_elements: given.radiosity_elements.or(Some(500)),
+        ..given.clone()
+    };
     let settings = Settings { method: Method::Matrix, ..Settings::new(&settings).map_err(|e| coded(exit::USAGE, e))? };
     if settings.limits.elements > MAX_ELEMENTS {
         return Err(coded(exit::USAGE, format!("a table of at most {MAX_ELEMENTS} elements can be printed (--radiosity-elements)")));

@@ -133,8 +133,10 @@ impl Factors<'_> {
         Estimate { factor: factor * inv, spread: (geometric * inv).min(1.0) }
     }
 
-    /// A point of a node: children by area, then uniform. Points with the index `i` fall into the node's quarters in turn.
+    /// A point of a node: children by area, then uniform. Points with the index `i` fall into the parts of a
+    /// cluster, or the quarters of a face, in turn.
     fn sample(&self, node: &Node, index: u32, random: PairRandom, at: u32, i: u32) -> Sample {
+        let is_cluster = node.is_cluster();
         let (mut node, mut index) = (node, index);
         let mut u = random.pair(at).x;
         if node.is_cluster() {
@@ -153,7 +155,7 @@ impl Factors<'_> {
             node = &self.mesh.nodes[index as usize];
         }
         let v = random.pair(at + 1);
-        let corners = super::form_factor::quarter(&node.corners, (i % 4) as usize);
+        let corners = if is_cluster { node.corners } else { super::form_factor::quarter(&node.corners, (i % 4) as usize) };
         Sample { p: point_of(&corners, v), normal: self.mesh.face(node).normal, face: index }
     }
 }

@@ -22,7 +22,6 @@ pub mod reconstruct;
 mod report;
 pub mod shapes;
 
-
 use etendue_scene::RenderSettings;
 
 use crate::integrator::Stage;
