@@ -35,6 +35,8 @@ enum Command {
     Light(Box<commands::light::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
+    /// Print the form factors of a scene's elements as a table.
+    FormFactors(Box<commands::form_factors::Args>),
     /// Convert a scene to another format.
     Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
@@ -72,6 +74,7 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Bake(args) => commands::bake::run(*args),
         Command::Light(args) => commands::light::run(*args),
         Command::Info(args) => commands::info::run(args),
+        Command::FormFactors(args) => commands::form_factors::run(*args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
