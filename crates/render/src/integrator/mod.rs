@@ -53,6 +53,8 @@ pub struct Splat {
     /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
     /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
     pub radiance: Spectrum,
+    /// Light group.
+    pub group: u32,
 }
 
 /// One sample of a pixel.
@@ -132,6 +134,9 @@ pub trait Integrator: Send + Sync {
     fn splats(&self) -> bool {
         false
     }
+
+    /// Tells how far outside of the picture, in pixels, its filter reaches: so far splats are wanted. Before [`Self::prepare`].
+    fn set_margin(&mut self, _pixels: f32) {}
 
     /// Sentences for the user about what was done: what was chosen and why, energy balance, known bias. After [`Self::prepare`].
     fn notes(&self) -> Vec<String> {

@@ -174,6 +174,10 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
         return Err(JobError::Setting(format!("`{}` cannot render POV-Ray scenes yet; `whitted` can", plan.integrator)));
     }
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
+    if plan.antialias.is_some() && integrator.splats() {
+        let message = "brings light to all pixels with every sample, so that `--antialias`, which leaves samples out, does not go with it";
+        return Err(JobError::Setting(format!("`{}` {message}", plan.integrator)));
+    }
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
