@@ -7,6 +7,7 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+pub mod emission;
 mod light_sampling;
 mod normals;
 mod path;

@@ -16,7 +16,7 @@ use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
-use crate::light::{Light, LightSample, LightSampler};
+use crate::light::{Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
 use crate::spectrum::Spectrum;
@@ -75,6 +75,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// The sphere around everything bounded: what infinite lights shine on.
+    pub fn sphere(&self) -> SceneSphere {
+        let (center, radius) = self.bounds.bounding_sphere();
+        if radius.is_finite() && radius > 0.0 { SceneSphere { center, radius } } else { SceneSphere { center: Vec3::ZERO, radius: 1.0 } }
+    }
+
     /// A texture by its id.
     #[inline]
     pub fn texture(&self, id: TextureId) -> &Texture {

@@ -6,8 +6,8 @@ use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, SceneD
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight,
-    SceneSphere, SpotLight, equal_area,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight, SpotLight,
+    equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -33,7 +33,7 @@ pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings
             Err(message) => faults.push(Fault { severity: Severity::Error, span: node.span, message }),
         }
     }
-    let sphere = scene_sphere(scene);
+    let sphere = scene.sphere();
     let name = settings.light_sampler.as_deref().unwrap_or("bvh");
     let selection = match name {
         "bvh" => LightSelection::Bvh,
@@ -47,16 +47,6 @@ pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings
     };
     scene.light_sampler = LightSampler::new(&scene.lights, &sphere, selection);
     if faults.is_empty() { Ok(()) } else { Err(faults) }
-}
-
-/// The sphere around everything bounded: what infinite lights shine on.
-fn scene_sphere(scene: &Scene) -> SceneSphere {
-    let (center, radius) = scene.bounds.bounding_sphere();
-    if radius.is_finite() && radius > 0.0 {
-        SceneSphere { center, radius }
-    } else {
-        SceneSphere { center: crate::math::Vec3::ZERO, radius: 1.0 }
-    }
 }
 
 /// The light group of a light of that name: its own where the settings ask for it, else the common one.
