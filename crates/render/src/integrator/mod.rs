@@ -7,13 +7,18 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+mod bdpt;
+pub mod bidirectional;
 pub mod emission;
+mod light;
 mod light_sampling;
 mod normals;
 mod path;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use bdpt::Bdpt;
+pub use light::LightTracer;
 pub use normals::Normals;
 pub use path::Path;
 pub use whitted::Whitted;
@@ -149,7 +154,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 5] = ["path", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 7] = ["path", "light", "bdpt", "direct", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -164,6 +169,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     Ok(match name {
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
+        "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
         "whitted" => Box::new(Whitted { max_depth }),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),

@@ -69,6 +69,12 @@ pub struct SampleStream {
 }
 
 impl SampleStream {
+    /// The same sample's numbers from a dimension on: for parts of a sample that must not shift each other's numbers.
+    #[inline]
+    pub fn at(&self, dimension: u32) -> Self {
+        Self { dimension, ..*self }
+    }
+
     /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
     #[inline]
     fn dimension_hash(&self) -> [u32; 2] {

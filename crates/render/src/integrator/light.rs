@@ -1,0 +1,73 @@
+//! Light tracing (Arvo 1986; Dutré, Lafortune, Willems 1993): paths start at the lights, and each point that they meet is connected to
+//! the camera.
+//!
+//! Caustics on rough surfaces come out at once. What the camera sees in mirrors and through glass stays black, as the last
+//! scattering before the camera must not be a delta lobe; lights themselves are seen by rays from the camera. `bdpt` and `vcm`
+//! weigh this method with others.
+
+use super::bidirectional::mis::Techniques;
+use super::bidirectional::walk::Walk;
+use super::bidirectional::{Bidirectional, CAMERA_DIMENSIONS, LIGHT_DIMENSIONS};
+use super::path::first_hit;
+use super::{Estimate, Integrator, Splat, Stage};
+use crate::camera::CameraRay;
+use crate::sampler::SampleStream;
+use crate::scene::Scene;
+
+/// The light tracer.
+pub struct LightTracer {
+    shared: Bidirectional,
+    /// The same for the rays from the camera, which look at the first surface only.
+    direct_sight: Bidirectional,
+}
+
+impl LightTracer {
+    /// Paths of at most `max_depth` scattering events; Russian roulette may end a path after `rr_depth`.
+    pub fn new(max_depth: u32, rr_depth: u32) -> Self {
+        Self { shared: Bidirectional::new(max_depth, rr_depth), direct_sight: Bidirectional::new(0, rr_depth) }
+    }
+}
+
+impl Integrator for LightTracer {
+    fn set_margin(&mut self, pixels: f32) {
+        self.shared.margin = pixels;
+    }
+
+    fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+        // Every path is made in one way only, so that it has no weight.
+        self.shared.techniques = Techniques::ONLY_TO_CAMERA;
+        self.shared.prepare(scene, stage, "light")
+    }
+
+    fn splats(&self) -> bool {
+        true
+    }
+
+    fn notes(&self) -> Vec<String> {
+        vec!["light: what is seen in mirrors and through glass stays black; bdpt and vcm show it".into()]
+    }
+
+    fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+        let mut walk = Walk::default();
+        let mut joints = Vec::new();
+        if let Some(start) = self.shared.walk_light(scene, &mut stream.at(LIGHT_DIMENSIONS), &mut walk) {
+            let mut numbers = stream.at(CAMERA_DIMENSIONS);
+            for y in &walk.vertices {
+                if let Some((picture, c)) = self.shared.to_camera(scene, (&walk, &start, y), &mut numbers, &mut joints) {
+                    out.splats.push(Splat { picture, radiance: c.value, group: c.group });
+                }
+            }
+        }
+        let escape = self.direct_sight.walk_camera(scene, camera_ray, stream, &mut walk);
+        for z in walk.vertices.iter().filter(|z| z.depth == 1) {
+            let distance = (z.surface.p - camera_ray.ray.o).length();
+            first_hit(scene, &z.surface, z.wo, &z.scatter, distance, out);
+            if let Some(c) = self.direct_sight.hit(scene, &walk, z, &mut joints) {
+                out.add(c.value, c.group);
+            }
+        }
+        if let Some(escape) = escape {
+            self.direct_sight.escape(scene, &walk, &escape, &mut joints, |c| out.add(c.value, c.group));
+        }
+    }
+}
