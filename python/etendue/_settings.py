@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, direct, whitted, ao, normals."""
+    """How light is computed: path, light, bdpt, vcm, mlt, direct, whitted, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -32,6 +32,8 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    merge_radius: float | None
+    """Radius within which vcm merges paths at first; fits the scene where not given."""
     light_groups: bool | None
     """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
     mipmap: bool | None

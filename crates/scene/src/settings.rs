@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// How light is computed: path, direct, whitted, ao, normals.
+        /// How light is computed: path, light, bdpt, vcm, mlt, direct, whitted, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -31,6 +31,8 @@ params! {
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.
         ao_distance: Option<f32> = None, "number", "scene units";
+        /// Radius within which vcm merges paths at first; fits the scene where not given.
+        merge_radius: Option<f32> = None, "number", "scene units";
         /// Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files.
         light_groups: bool = false, "switch", "";
         /// Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred.

@@ -8,7 +8,6 @@
 use super::bidirectional::mis::Techniques;
 use super::bidirectional::walk::Walk;
 use super::bidirectional::{Bidirectional, CAMERA_DIMENSIONS, LIGHT_DIMENSIONS};
-use super::path::first_hit;
 use super::{Estimate, Integrator, Splat, Stage};
 use crate::camera::CameraRay;
 use crate::sampler::SampleStream;
@@ -50,7 +49,7 @@ impl Integrator for LightTracer {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let mut walk = Walk::default();
         let mut joints = Vec::new();
-        if let Some(start) = self.shared.walk_light(scene, &mut stream.at(LIGHT_DIMENSIONS), &mut walk) {
+        if let Some(start) = self.shared.walk_light(scene, self.shared.max_depth, &mut stream.at(LIGHT_DIMENSIONS), &mut walk) {
             let mut numbers = stream.at(CAMERA_DIMENSIONS);
             for y in &walk.vertices {
                 if let Some((picture, c)) = self.shared.to_camera(scene, (&walk, &start, y), &mut numbers, &mut joints) {
@@ -58,16 +57,7 @@ impl Integrator for LightTracer {
                 }
             }
         }
-        let escape = self.direct_sight.walk_camera(scene, camera_ray, stream, &mut walk);
-        for z in walk.vertices.iter().filter(|z| z.depth == 1) {
-            let distance = (z.surface.p - camera_ray.ray.o).length();
-            first_hit(scene, &z.surface, z.wo, &z.scatter, distance, out);
-            if let Some(c) = self.direct_sight.hit(scene, &walk, z, &mut joints) {
-                out.add(c.value, c.group);
-            }
-        }
-        if let Some(escape) = escape {
-            self.direct_sight.escape(scene, &walk, &escape, &mut joints, |c| out.add(c.value, c.group));
-        }
+        let escape = self.direct_sight.walk_camera(scene, camera_ray, 1, stream, &mut walk);
+        self.direct_sight.direct_sight(scene, camera_ray, &walk, escape.as_ref(), &mut joints, out);
     }
 }

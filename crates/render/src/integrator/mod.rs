@@ -12,15 +12,19 @@ pub mod bidirectional;
 pub mod emission;
 mod light;
 mod light_sampling;
+mod mlt;
 mod normals;
 mod path;
+mod vcm;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
 pub use bdpt::Bdpt;
 pub use light::LightTracer;
+pub use mlt::Mlt;
 pub use normals::Normals;
 pub use path::Path;
+pub use vcm::Vcm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -154,7 +158,7 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 7] = ["path", "light", "bdpt", "direct", "whitted", "ao", "normals"];
+pub const NAMES: [&str; 9] = ["path", "light", "bdpt", "vcm", "mlt", "direct", "whitted", "ao", "normals"];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -171,6 +175,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
         "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.merge_radius)),
+        "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
         "whitted" => Box::new(Whitted { max_depth }),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),

@@ -1,6 +1,6 @@
 //! The techniques: how two walks become a path, what it brings and what it weighs.
 
-use super::mis::{Joint, Technique};
+use super::mis::{Joint, Origin, Technique};
 use super::walk::{Escape, LightStart, Vertex, Walk, light_density};
 use super::{Bidirectional, Numbers};
 use crate::bsdf::TransportMode;
@@ -35,8 +35,8 @@ pub fn push_camera_joints(joints: &mut Vec<Joint>, walk: &Walk, v: &Vertex, ligh
 }
 
 /// Sets the joints from the light to a vertex of its walk. `camera` is the density of the vertex from the camera, `camera_back` that of
-/// the vertex before it.
-pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart, v: &Vertex, camera: f32, camera_back: f32) {
+/// the vertex before it. Returns what is special about the light.
+pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart, v: &Vertex, camera: f32, camera_back: f32) -> Origin {
     joints.clear();
     joints.push(Joint { light: v.own, camera, connectible: true });
     let mut back = Some(camera_back);
@@ -47,6 +47,7 @@ pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart
     }
     joints.push(Joint { camera: back.unwrap_or(start.joint.camera), ..start.joint });
     joints.reverse();
+    Origin { nee: at.nee, delta: start.delta }
 }
 
 impl Bidirectional {
@@ -87,7 +88,7 @@ impl Bidirectional {
                 joints[1].connectible = !before.delta;
                 let pmf = scene.light_sampler.pmf(&ctx, light);
                 let nee = pmf * light_density(&scene.lights[light as usize], &ctx, s.p, s.ng, -v.wo) * to_light;
-                self.techniques.weight(joints, &super::mis::Origin { nee, delta: false }, Technique::Connect(0))
+                self.techniques.weight(joints, &Origin { nee, delta: false }, Technique::Connect(0))
             }
             _ => 1.0,
         };
@@ -114,7 +115,7 @@ impl Bidirectional {
                 push_camera_joints(joints, walk, before, first, None);
                 joints[1].connectible = !before.delta;
                 let nee = scene.light_sampler.pmf(&ctx, light) * scene.lights[light as usize].pdf_escaped(&ctx, e.d);
-                self.techniques.weight(joints, &super::mis::Origin { nee, delta: false }, Technique::Connect(0))
+                self.techniques.weight(joints, &Origin { nee, delta: false }, Technique::Connect(0))
             });
             add(Contribution { value: e.beta * radiance * weight, group: scene.light_groups[light as usize] });
         }
@@ -154,7 +155,7 @@ impl Bidirectional {
         joints.push(Joint { light: own, camera: pdf * to_light, connectible: true });
         let back = v.pdf_back(scene, sample.wi, TransportMode::Importance) * v.to_previous;
         push_camera_joints(joints, walk, v, first, Some(back));
-        let weight = self.techniques.weight(joints, &super::mis::Origin { nee, delta: light.is_delta() }, Technique::Connect(1));
+        let weight = self.techniques.weight(joints, &Origin { nee, delta: light.is_delta() }, Technique::Connect(1));
         let value = v.beta * f * radiance * (weight / (pmf * sample.pdf));
         if value.is_black() {
             return None;
@@ -189,9 +190,9 @@ impl Bidirectional {
         let pdf_y = y.scatter.eval_pdf(y.wo, -w, TransportMode::Importance).1;
         let back_z = z.pdf_back(scene, w, TransportMode::Importance);
         let (cos_y, cos_z) = (y.surface.ng.dot(w).abs(), z.surface.ng.dot(w).abs());
-        set_light_joints(joints, light_walk, start, y, pdf_z * cos_y / distance_2, back_y * y.to_previous);
+        let origin = set_light_joints(joints, light_walk, start, y, pdf_z * cos_y / distance_2, back_y * y.to_previous);
         push_camera_joints(joints, camera_walk, z, pdf_y * cos_z / distance_2, Some(back_z * z.to_previous));
-        let weight = self.techniques.weight(joints, &start.origin, Technique::Connect(y.depth as usize + 1));
+        let weight = self.techniques.weight(joints, &origin, Technique::Connect(y.depth as usize + 1));
         let value = value * weight;
         if value.is_black() {
             return None;
@@ -222,9 +223,9 @@ impl Bidirectional {
             return None;
         }
         let cos = y.surface.ng.dot(seen.w).abs();
-        set_light_joints(joints, walk, start, y, per_area * cos, back * y.to_previous);
+        let origin = set_light_joints(joints, walk, start, y, per_area * cos, back * y.to_previous);
         joints.push(CAMERA);
-        let weight = self.techniques.weight(joints, &start.origin, Technique::Connect(y.depth as usize + 1));
+        let weight = self.techniques.weight(joints, &origin, Technique::Connect(y.depth as usize + 1));
         let value = value * weight;
         if value.is_black() {
             return None;

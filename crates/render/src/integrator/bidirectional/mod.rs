@@ -6,14 +6,19 @@
 
 pub(super) mod connect;
 pub mod mis;
+pub(super) mod stored;
 pub(super) mod walk;
 
-use super::Stage;
 use super::emission::EmissionSampler;
+use super::path::first_hit;
+use super::{Estimate, Splat, Stage};
+use crate::camera::CameraRay;
 use crate::math::Vec2;
 use crate::sampler::SampleStream;
 use crate::scene::Scene;
-use mis::Techniques;
+use mis::{Joint, Techniques};
+use stored::StoredWalks;
+use walk::{Escape, Walk};
 
 /// Where random numbers come from.
 pub(super) trait Numbers {
@@ -73,5 +78,78 @@ impl Bidirectional {
         }
         self.emission = Some(EmissionSampler::new(scene));
         Ok(())
+    }
+
+    /// One sample by all connections, and by merging with kept walks where there are some.
+    pub fn estimate(
+        &self,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        stored: Option<&StoredWalks>,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+    ) {
+        let mut joints = Vec::new();
+        let mut light_walk = Walk::default();
+        let start = self.walk_light(scene, self.max_depth, &mut stream.at(LIGHT_DIMENSIONS), &mut light_walk);
+        if let Some(start) = &start {
+            let mut numbers = stream.at(CAMERA_DIMENSIONS);
+            for y in &light_walk.vertices {
+                if let Some((picture, c)) = self.to_camera(scene, (&light_walk, start, y), &mut numbers, &mut joints) {
+                    out.splats.push(Splat { picture, radiance: c.value, group: c.group });
+                }
+            }
+        }
+        let mut walk = Walk::default();
+        // One edge more than scattering events: the last vertex may be a light.
+        let escape = self.walk_camera(scene, camera_ray, self.max_depth.saturating_add(1), stream, &mut walk);
+        let mut numbers = stream.at(DIRECT_DIMENSIONS);
+        self.direct_sight(scene, camera_ray, &walk, None, &mut joints, out);
+        for z in &walk.vertices {
+            if let Some(c) = self.hit(scene, &walk, z, &mut joints).filter(|_| z.depth > 1) {
+                out.add(c.value, c.group);
+            }
+            if let Some(c) = self.direct(scene, &walk, z, &mut numbers, &mut joints) {
+                out.add(c.value, c.group);
+            }
+            if !z.scatter.is_smooth_anywhere() {
+                continue;
+            }
+            if let Some(start) = &start {
+                for y in light_walk.vertices.iter().filter(|y| y.scatter.is_smooth_anywhere()) {
+                    if let Some(c) = self.connect(scene, (&light_walk, start, y), (&walk, z), &mut joints) {
+                        out.add(c.value, c.group);
+                    }
+                }
+            }
+            if let Some(stored) = stored {
+                self.merge(scene, stored, (&walk, z), &mut joints, |c| out.add(c.value, c.group));
+            }
+        }
+        if let Some(escape) = escape {
+            self.escape(scene, &walk, &escape, &mut joints, |c| out.add(c.value, c.group));
+        }
+    }
+
+    /// What the camera sees first, and the light that it sees itself.
+    pub fn direct_sight(
+        &self,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        walk: &Walk,
+        escape: Option<&Escape>,
+        joints: &mut Vec<Joint>,
+        out: &mut Estimate,
+    ) {
+        for z in walk.vertices.iter().filter(|z| z.depth == 1) {
+            let distance = (z.surface.p - camera_ray.ray.o).length();
+            first_hit(scene, &z.surface, z.wo, &z.scatter, distance, out);
+            if let Some(c) = self.hit(scene, walk, z, joints) {
+                out.add(c.value, c.group);
+            }
+        }
+        if let Some(escape) = escape {
+            self.escape(scene, walk, escape, joints, |c| out.add(c.value, c.group));
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::mis::{Joint, Origin};
+use super::mis::Joint;
 use super::{Bidirectional, Numbers};
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode};
@@ -46,19 +46,19 @@ pub struct Vertex {
     pub to_previous: f32,
     /// Whether this walk went on by a delta lobe.
     pub delta: bool,
+    /// Of the first vertices of a light's walk: density of the light's point if a light is sampled for the vertex.
+    pub nee: f32,
 }
 
 /// Where a walk from a light has started.
 #[derive(Clone, Copy, Debug)]
 pub struct LightStart {
-    /// The light.
-    pub light: u32,
-    /// Its group.
+    /// The light's group.
     pub group: u32,
     /// Its joint: `light` is the density of emission, `camera` that of being met.
     pub joint: Joint,
-    /// How else it may be made.
-    pub origin: Origin,
+    /// No path meets it by chance.
+    pub delta: bool,
 }
 
 /// Where a walk from the camera has left the scene.
@@ -134,6 +134,12 @@ impl Walk {
         self.start_other = 0.0;
     }
 
+    /// Edges from the start to a vertex, or to the start.
+    #[inline]
+    pub fn depth_of(&self, vertex: u32) -> u32 {
+        self.vertices.get(vertex as usize).map_or(0, |v| v.depth)
+    }
+
     /// The vertex before another one; `None`: the start.
     #[inline]
     pub fn previous(&self, v: &Vertex) -> Option<&Vertex> {
@@ -142,23 +148,28 @@ impl Walk {
 }
 
 impl Bidirectional {
-    /// Walks from the camera.
+    /// Walks from the camera, `longest` edges at most.
     pub(in crate::integrator) fn walk_camera(
         &self,
         scene: &Scene,
         camera_ray: &CameraRay,
+        longest: u32,
         numbers: &mut impl Numbers,
         walk: &mut Walk,
     ) -> Option<Escape> {
         walk.clear();
         let edge = FirstEdge::Camera { pixels: scene.camera.pixels() };
-        // One more than scattering events: its last vertex may be a light.
-        let longest = self.max_depth.saturating_add(1);
         self.walk(scene, camera_ray.ray, Spectrum::splat(camera_ray.weight), edge, longest, numbers, walk)
     }
 
-    /// Walks from a light; `None` where none was emitted.
-    pub(in crate::integrator) fn walk_light(&self, scene: &Scene, numbers: &mut impl Numbers, walk: &mut Walk) -> Option<LightStart> {
+    /// Walks from a light, `longest` edges at most; `None` where none was emitted.
+    pub(in crate::integrator) fn walk_light(
+        &self,
+        scene: &Scene,
+        longest: u32,
+        numbers: &mut impl Numbers,
+        walk: &mut Walk,
+    ) -> Option<LightStart> {
         walk.clear();
         let sampler = self.emission.as_ref()?;
         let (u_light, u_position, u_direction) = (numbers.next_1d(), numbers.next_2d(), numbers.next_2d());
@@ -171,13 +182,15 @@ impl Bidirectional {
             FirstEdge::Light { pdf: emission.pdf_direction, cos: if has_surface { emission.cos } else { 1.0 } }
         };
         let own = emission.pmf * if light.is_infinite() { emission.pdf_direction } else { emission.pdf_position };
-        self.walk(scene, emission.ray, emission.power(), edge, self.max_depth, numbers, walk);
-        let nee = walk.vertices.first().map_or(0.0, |v| nee_density(scene, &emission, v));
+        self.walk(scene, emission.ray, emission.power(), edge, longest, numbers, walk);
+        // Several, where surfaces let the light through.
+        for v in walk.vertices.iter_mut().filter(|v| v.previous == START) {
+            v.nee = nee_density(scene, &emission, v);
+        }
         Some(LightStart {
-            light: emission.light,
             group: emission.group,
             joint: Joint { light: own, camera: walk.start_other, connectible: true },
-            origin: Origin { nee, delta: light.is_delta() },
+            delta: light.is_delta(),
         })
     }
 
@@ -212,9 +225,7 @@ impl Bidirectional {
             let distance_2 = (surface.p - from).length_squared();
             let (own, to_previous) = if previous == START {
                 match first {
-                    FirstEdge::Camera { pixels } => {
-                        (scene.camera.per_area(ray.d, (surface.p - from).dot(ray.d)) / pixels * cos, 0.0)
-                    }
+                    FirstEdge::Camera { pixels } => (scene.camera.per_area(ray.d, (surface.p - from).dot(ray.d)) / pixels * cos, 0.0),
                     FirstEdge::Light { pdf, cos: at_light } => (pdf * cos / distance_2, at_light / distance_2),
                     FirstEdge::Parallel { pdf } => (pdf * cos, 1.0),
                 }
@@ -225,7 +236,7 @@ impl Bidirectional {
             let (u_lobe, u, u_roulette) = (numbers.next_1d(), numbers.next_2d(), numbers.next_1d());
             let index = walk.vertices.len() as u32;
             let vertex =
-                Vertex { surface, scatter, wo, beta, medium, previous, depth: depth + 1, own, other: 0.0, to_previous, delta: false };
+                Vertex { surface, scatter, wo, beta, medium, previous, depth: depth + 1, own, other: 0.0, to_previous, delta: false, nee: 0.0 };
             walk.vertices.push(vertex);
             let v = &walk.vertices[index as usize];
             let is_last = depth + 1 >= longest;
