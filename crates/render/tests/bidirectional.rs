@@ -133,7 +133,7 @@ fn caustics() {
 fn vcm_without_radius() {
     for (name, desc) in [("rough", glossy_room()), ("caustic", caustic())] {
         let path = reference(&desc, &base(512));
-        let with = |radius| RenderSettings { merge_radius: Some(radius), ..method("vcm", 12) };
+        let with = |radius| RenderSettings { photon_radius: Some(radius), ..method("vcm", 12) };
         let (wide, narrow) = (blocks(&desc, &with(0.16)), blocks(&desc, &with(0.08)));
         let mut zero = narrow.clone();
         for i in 0..zero.mean.len() {
@@ -263,7 +263,7 @@ fn white_furnace() {
     sphere(&mut desc, Vec3::new(1.3, -0.5, 0.0), 0.5, Some(glass));
     perspective(&mut desc, Vec3::new(0.0, -5.0, 0.0), Vec3::ZERO, 35.0);
     for name in ["bdpt", "vcm", "mlt"] {
-        let s = RenderSettings { max_depth: Some(60), merge_radius: Some(0.01), ..method(name, 16) };
+        let s = RenderSettings { max_depth: Some(60), photon_radius: Some(0.01), ..method(name, 16) };
         let result = blocks(&desc, &s);
         assert_same(&format!("furnace {name}"), &result, &result.known([1.0; 3]), 2e-3, 0.15);
     }

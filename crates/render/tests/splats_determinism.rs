@@ -42,7 +42,7 @@ fn wanted(method: &str) -> RenderSettings {
         sampler: Some("sobol".into()),
         filter: Some("gaussian".into()),
         max_depth: Some(5),
-        merge_radius: Some(0.05),
+        photon_radius: Some(0.05),
         light_groups: true,
         seed: 5,
         // Several tiles, the last ones cut.

@@ -10,6 +10,7 @@ use etendue_scene::desc::{CameraDesc, FovAxis, ProjectionDesc};
 
 use crate::accel::Ray;
 use crate::math::{Mat3, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+use crate::raster::{Pose, View};
 
 /// A ray of the camera.
 #[derive(Clone, Copy, Debug)]
@@ -138,12 +139,45 @@ impl Camera {
     }
 }
 
+impl Camera {
+    /// What a picture of `size` pixels shows through one point of the lens (`u_lens` in [0, 1)²), for the z-buffer; `None` for
+    /// cameras whose picture is not flat.
+    pub fn view(&self, size: [u32; 2], u_lens: Vec2) -> Option<View> {
+        let m = self.world_from_camera.as_dmat4();
+        let [right, up, back, eye] = [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(glam::DVec4::truncate);
+        let far_corner = self.corner + Vec2::new(size[0] as f32, size[1] as f32) * self.step;
+        // What is at distance 1 moves against the lens's point by what it takes to meet in the plane of focus.
+        let (lens, shift) = match self.projection {
+            Projection::Perspective { aperture_radius, focus_distance } if aperture_radius > 0.0 => {
+                let lens = warp::disk_concentric(u_lens) * aperture_radius;
+                (lens, lens / focus_distance)
+            }
+            _ => (Vec2::ZERO, Vec2::ZERO),
+        };
+        let (a, b) = ((self.corner - shift).as_dvec2(), (far_corner - shift).as_dvec2());
+        let window = [a.x, b.x, b.y, a.y];
+        let lens = lens.as_dvec2();
+        let pose = Pose { eye: eye + right * lens.x + up * lens.y, right, up, forward: -back };
+        let (near, far) = (f64::from(self.near), f64::from(self.far));
+        match self.projection {
+            Projection::Perspective { .. } => Some(View::perspective(pose, window, size, near, far)),
+            Projection::Orthographic => Some(View::orthographic(pose, window, size, near.max(0.0), far)),
+            Projection::Panoramic => None,
+        }
+    }
+
+    /// Where the camera is.
+    pub fn position(&self) -> Vec3 {
+        self.world_from_camera.w_axis.truncate()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn desc(projection: ProjectionDesc) -> CameraDesc {
-        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY, medium: None }
     }
 
     fn perspective(fov_axis: FovAxis, aperture_radius: f32) -> CameraDesc {

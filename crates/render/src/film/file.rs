@@ -248,6 +248,14 @@ fn unpack_splats(splats: &mut SplatSums, channels: usize, blocks: &[&[u8]]) -> R
     })
 }
 
+/// The pixels that a film file is about, from its header alone.
+///
+/// # Errors
+/// [`FilmFileError`] where the bytes do not start as a film file does.
+pub fn rect_of(bytes: &[u8]) -> Result<Rect, FilmFileError> {
+    read_header(bytes).map(|(header, _)| header.rect)
+}
+
 /// Numbers of N bytes by planes: first the lowest byte of each, then the next. High bytes, mostly equal, compress well.
 fn write_planes<const N: usize>(out: &mut Vec<u8>, numbers: impl ExactSizeIterator<Item = [u8; N]>) {
     let count = numbers.len();

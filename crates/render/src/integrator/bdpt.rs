@@ -30,8 +30,9 @@ impl Integrator for Bdpt {
         self.shared.margin = pixels;
     }
 
-    fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
-        self.shared.prepare(scene, stage, "bdpt")
+    fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
+        self.shared.prepare(scene);
+        Ok(())
     }
 
     fn splats(&self) -> bool {

@@ -3,11 +3,17 @@
 //! A light is chosen by its power (known without regard to any point of the scene), then a ray by [`Light::emit`]. The densities
 //! are available one by one, because bidirectional methods weigh paths that were made in other ways by them.
 
+use rayon::prelude::*;
+
 use crate::accel::{Hit, Ray};
 use crate::light::{Light, LightContext, LightSampler, LightSelection, SceneSphere};
 use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
+use crate::medium::MediumStack;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
+
+/// Borders between the camera and a light that are looked at to find the light's medium.
+const MAX_BORDERS: u32 = 4096;
 
 /// A ray that leaves a light.
 #[derive(Clone, Debug)]
@@ -50,13 +56,23 @@ impl Emission {
 pub struct EmissionSampler {
     lights: LightSampler,
     sphere: SceneSphere,
+    /// The media that each light is in; empty where the scene has none.
+    media: Vec<MediumStack>,
 }
 
 impl EmissionSampler {
     /// For the lights of a scene.
     pub fn new(scene: &Scene) -> Self {
         let sphere = scene.sphere();
-        Self { lights: LightSampler::new(&scene.lights, &sphere, LightSelection::Power), sphere }
+        let lights = LightSampler::new(&scene.lights, &sphere, LightSelection::Power);
+        let media = if scene.has_media { scene.lights.par_iter().map(|l| media_at(scene, &sphere, l)).collect() } else { Vec::new() };
+        Self { lights, sphere, media }
+    }
+
+    /// The media that the rays of a light start in. One for the whole light: a border may not go through it.
+    #[inline]
+    pub fn media(&self, light: u32) -> MediumStack {
+        self.media.get(light as usize).copied().unwrap_or_default()
     }
 
     /// The sphere on which infinite lights shine: what is outside of it (of unbounded planes) they do not reach.
@@ -131,4 +147,25 @@ impl EmissionSampler {
             other => other.pdf_escaped(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, -d),
         }
     }
+}
+
+/// The media at a light: those that a straight way from the camera, whose media are known, comes to.
+fn media_at(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
+    let mut media = scene.camera_medium;
+    let Some(start) = light.emit(sphere, Vec2::splat(0.5), Vec2::splat(0.5)) else { return media };
+    // A little before the light on the side to which it shines.
+    let end = start.o + start.d * (1e-4 * sphere.radius);
+    let mut o = scene.camera.ray(Vec2::ZERO, Vec2::splat(0.5)).ray.o;
+    for _ in 0..MAX_BORDERS {
+        let to = end - o;
+        let distance = to.length();
+        if !(distance > 0.0 && distance.is_finite()) {
+            break;
+        }
+        let ray = Ray { o, d: to / distance, t_min: 0.0, t_max: distance };
+        let Some(s) = scene.intersect(&ray) else { break };
+        media.cross(scene, &s, ray.d);
+        o = s.offset_origin(ray.d);
+    }
+    media
 }

@@ -32,10 +32,14 @@ impl Integrator for LightTracer {
         self.shared.margin = pixels;
     }
 
-    fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+    fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
+        if scene.media.iter().any(crate::medium::Medium::emits) {
+            return Err("`light` traces from lights alone: media that emit light are for path, bdpt and vcm".into());
+        }
         // Every path is made in one way only, so that it has no weight.
         self.shared.techniques = Techniques::ONLY_TO_CAMERA;
-        self.shared.prepare(scene, stage, "light")
+        self.shared.prepare(scene);
+        Ok(())
     }
 
     fn splats(&self) -> bool {

@@ -20,7 +20,7 @@ use super::{Estimate, Integrator, Splat, Stage};
 use crate::camera::CameraRay;
 use crate::math::hash::{hash_words, mix64, unit_float};
 use crate::math::{PiecewiseConstant1D, Vec2, fns};
-use crate::sampler::SampleStream;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
@@ -136,9 +136,13 @@ impl Mlt {
             let picture = numbers.next_2d() * extent - Vec2::splat(shared.margin);
             let camera_ray = scene.camera.ray(picture, numbers.next_2d());
             let escape = shared.walk_camera(scene, &camera_ray, camera_edges, &mut numbers, &mut scratch.camera);
+            let mut rng = if scene.has_media { primary.of(CONNECTION).rng() } else { HashRng::default() };
             let walk = &scratch.camera;
             let scale = extent.x * extent.y * times;
             let mut add = |value: Spectrum, group: u32| out.splats.push(Splat { picture, radiance: value * scale, group });
+            for &(_, emitted) in walk.emitted.iter().filter(|(edges, e)| s == 0 && edges + 1 == camera_edges && !e.is_black()) {
+                add(emitted, 0);
+            }
             for i in ends(walk, camera_edges) {
                 let z = &walk.vertices[i];
                 match (s, &start) {
@@ -155,7 +159,7 @@ impl Mlt {
                     (_, Some(start)) => {
                         for j in ends(&scratch.light, light_edges) {
                             let y = (&scratch.light, start, &scratch.light.vertices[j]);
-                            if let Some(c) = shared.connect(scene, y, (walk, z), joints) {
+                            if let Some(c) = shared.connect(scene, y, (walk, z), &mut rng, joints) {
                                 add(c.value, c.group);
                             }
                         }
@@ -225,7 +229,8 @@ impl Integrator for Mlt {
 
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         (self.seed, self.size) = (stage.seed, stage.size);
-        self.shared.prepare(scene, stage, "mlt")
+        self.shared.prepare(scene);
+        Ok(())
     }
 
     fn pass_limit(&self) -> u32 {
@@ -273,6 +278,9 @@ impl Integrator for Mlt {
         let mut scratch = Scratch::default();
         let walk = &mut scratch.camera;
         let escape = self.direct_sight.walk_camera(scene, camera_ray, 1, stream, walk);
+        for &(_, emitted) in &walk.emitted {
+            out.add(emitted, 0);
+        }
         self.direct_sight.direct_sight(scene, camera_ray, walk, escape.as_ref(), &mut scratch.joints, out);
         let [x, y] = stream.pixel();
         let number = y.saturating_mul(self.size[0]).saturating_add(x);
@@ -416,6 +424,11 @@ impl Numbers for Part<'_> {
 
     fn next_2d(&mut self) -> Vec2 {
         Vec2::new(self.next_1d(), self.next_1d())
+    }
+
+    fn rng(&mut self) -> HashRng {
+        // A small step changes all of these numbers: in media of grids chains take more large ones.
+        HashRng::new(u64::from(self.next_1d().to_bits()))
     }
 }
 

@@ -45,12 +45,13 @@ impl Integrator for Vcm {
         self.shared.margin = pixels;
     }
 
-    fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+    fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
         self.radius = self.initial_radius.unwrap_or(RADIUS_OF_SCENE * scene.sphere().radius);
         if !(self.radius > 0.0 && self.radius.is_finite()) {
             return Err(format!("vcm cannot merge within a radius of {}", self.radius));
         }
-        self.shared.prepare(scene, stage, "vcm")
+        self.shared.prepare(scene);
+        Ok(())
     }
 
     fn pass_limit(&self) -> u32 {

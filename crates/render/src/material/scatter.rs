@@ -127,6 +127,12 @@ impl Scatter {
         self.parts.iter().any(|p| p.bsdf.lobes().0 & (Lobe::DIFFUSE.0 | Lobe::GLOSSY.0) != 0)
     }
 
+    /// True where some model has a diffuse part. Others only guide light: mirrors, refractors and their frosted kinds.
+    #[inline]
+    pub fn has_diffuse(&self) -> bool {
+        self.parts.iter().any(|p| p.bsdf.lobes().contains(Lobe::DIFFUSE))
+    }
+
     /// The share of light that passes straight through from `wo`.
     pub fn null_transmittance(&self, wo: Vec3) -> Spectrum {
         let mut t = Spectrum::ZERO;

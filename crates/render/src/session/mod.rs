@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::classic::WorkingSpace;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
-use crate::integrator::{Estimate, Integrator, Stage};
+use crate::integrator::{CameraSample, Estimate, Integrator, Stage};
 use crate::math::Vec2;
 use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
@@ -162,6 +162,28 @@ impl Session {
         self.first_sample = index;
     }
 
+    /// Starts with an empty film of a part of the picture, for a worker that renders one part after the other and keeps what was
+    /// prepared. The parts' films merge exactly.
+    ///
+    /// # Errors
+    /// [`FilmError::Outside`] where the pixels are not within the crop.
+    pub fn set_part(&mut self, rect: Rect, first_sample: u32) -> Result<(), FilmError> {
+        let spec = self.film.spec().clone();
+        let mut film = Film::tile(&spec, rect)?;
+        film.meta = FilmMeta { render_ms: 0, ..self.film.meta.clone() };
+        self.film = film;
+        self.first_sample = first_sample;
+        if let Some(centers) = &self.centers {
+            self.centers = Some(Centers::new(centers.antialias(), rect, spec.width, spec.height));
+        }
+        Ok(())
+    }
+
+    /// Whether samples give light to pixels other than their own: then a part is the whole picture.
+    pub fn splats(&self) -> bool {
+        self.integrator.splats()
+    }
+
     /// Changes the tiles and their order; for tests, which show that neither matters.
     #[doc(hidden)]
     pub fn set_tile_order(&mut self, order: fn(&mut Vec<Rect>)) {
@@ -205,7 +227,15 @@ impl Session {
         let spec = self.film.spec();
         let is_cancelled = || cancel.is_cancelled();
         let progress = |what: &str, fraction: f64| observer.stage(what, fraction);
-        let stage = Stage { size: [spec.width, spec.height], seed: self.sampler.seed, is_cancelled: &is_cancelled, progress: &progress };
+        let (sampler, filter) = (self.sampler, self.filter.clone());
+        let camera_sample = |index: u32| shared_sample(&sampler, &filter, index);
+        let stage = Stage {
+            size: [spec.width, spec.height],
+            seed: self.sampler.seed,
+            camera_sample: &camera_sample,
+            is_cancelled: &is_cancelled,
+            progress: &progress,
+        };
         if !self.is_prepared {
             self.integrator.set_margin(spec.filter.radius());
             self.integrator.prepare(&self.scene, &stage).map_err(SessionError::Integrator)?;
@@ -362,6 +392,13 @@ impl Session {
     /// One sample of a pixel; returns its filter weight and the numbers that are left.
     fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> (f32, SampleStream) {
         let mut stream = self.sampler.stream(x, y, index);
+        if self.integrator.shares_camera_samples() {
+            let shared = shared_sample(&self.sampler, &self.filter, index);
+            let camera_ray = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
+            estimate.reset(self.scene.group_names.len());
+            self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
+            return (shared.weight, stream);
+        }
         let filtered = self.filter.sample(stream.next_2d());
         let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
         self.trace(picture, &mut stream, estimate);
@@ -390,6 +427,13 @@ impl Session {
         estimate.reset(self.scene.group_names.len());
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
+}
+
+/// The camera sample that all pixels share: that of a pixel that no picture has.
+fn shared_sample(sampler: &Sampler, filter: &FilterSampler, index: u32) -> CameraSample {
+    let mut stream = sampler.stream(u32::MAX, u32::MAX, index);
+    let filtered = filter.sample(stream.next_2d());
+    CameraSample { offset: filtered.offset, weight: filtered.weight, u_lens: stream.next_2d() }
 }
 
 /// The ranges of `begin..end` that a tile still lacks.

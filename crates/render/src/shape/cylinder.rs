@@ -10,7 +10,7 @@ use crate::math::{Aabb, Frame, INV_TAU, Mat4, TAU, Vec2, Vec3, fns};
 /// The cylinder of radius 1 about z from 0 to 1, without caps, under an affine map. u is the angle over 2π, v runs along the axis.
 #[derive(Clone, Debug)]
 pub struct Cylinder {
-    affine: Affine,
+    pub(super) affine: Affine,
     normal_sign: f32,
     area: f32,
 }

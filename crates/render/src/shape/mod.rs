@@ -24,6 +24,7 @@ pub mod plane;
 pub mod polygon;
 pub mod rectangle;
 pub mod sphere;
+mod tessellate;
 pub mod triangle;
 
 pub use cylinder::Cylinder;
@@ -32,6 +33,7 @@ pub use plane::Plane;
 pub use polygon::Polygon;
 pub use rectangle::Rectangle;
 pub use sphere::Sphere;
+pub use tessellate::Tessellation;
 
 use etendue_scene::desc::GeometryDesc;
 

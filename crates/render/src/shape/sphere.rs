@@ -10,7 +10,7 @@ use crate::math::{Aabb, Frame, INV_4PI, INV_PI, INV_TAU, Mat4, PI, TAU, Vec2, Ve
 /// The unit sphere under an affine map; a true sphere where that keeps angles. u runs about the object's +z, v from +z to −z.
 #[derive(Clone, Debug)]
 pub struct Sphere {
-    affine: Affine,
+    pub(super) affine: Affine,
     /// The radius of a true sphere.
     radius: Option<f32>,
     normal_sign: f32,

@@ -12,7 +12,7 @@ mod resolver;
 mod sidecar;
 mod spectrum;
 mod summary;
-mod tessellate;
+pub mod tessellate;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};

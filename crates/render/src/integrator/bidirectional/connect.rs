@@ -3,10 +3,9 @@
 use super::mis::{Joint, Origin, Technique};
 use super::walk::{Escape, LightStart, Vertex, Walk, light_density};
 use super::{Bidirectional, Numbers};
-use crate::bsdf::TransportMode;
-use crate::integrator::light_sampling::{context, visibility};
 use crate::light::{Light, LightSample};
 use crate::math::{Vec2, Vec3};
+use crate::sampler::HashRng;
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
@@ -66,9 +65,9 @@ impl Bidirectional {
 
     /// Light that a vertex of the camera's walk sends itself: the walk has met a light by chance.
     pub fn hit(&self, scene: &Scene, walk: &Walk, v: &Vertex, joints: &mut Vec<Joint>) -> Option<Contribution> {
-        let s = &v.surface;
+        let s = v.surface()?;
         let emission = s.object(scene).emission.as_ref()?;
-        if v.depth == 1 && scene.hide_lights {
+        if v.depth == 1 && scene.hides(s) {
             return None;
         }
         let radiance = scene.emitted(s, v.wo);
@@ -77,10 +76,10 @@ impl Bidirectional {
         }
         let weight = match (walk.previous(v), s.light(scene)) {
             (Some(before), Some(light)) => {
-                let ctx = context(&before.surface);
-                let distance_2 = (s.p - before.surface.p).length_squared();
+                let ctx = before.context();
+                let distance_2 = (s.p - before.p).length_squared();
                 let to_light = s.ng.dot(v.wo).abs() / distance_2;
-                let cos = before.surface.ng.dot(v.wo).abs();
+                let cos = before.cos(v.wo);
                 let (own, first) = self.emission_densities(scene, light, s.p, s.ng, v.wo, cos, distance_2);
                 joints.clear();
                 joints.push(Joint { light: own, camera: v.own, connectible: true });
@@ -107,8 +106,8 @@ impl Bidirectional {
                 continue;
             }
             let weight = before.map_or(1.0, |before| {
-                let ctx = context(&before.surface);
-                let cos = before.surface.ng.dot(e.d).abs();
+                let ctx = before.context();
+                let cos = before.cos(e.d);
                 let (own, first) = self.emission_densities(scene, light, Vec3::ZERO, Vec3::ZERO, -e.d, cos, 1.0);
                 joints.clear();
                 joints.push(Joint { light: own, camera: e.pdf, connectible: true });
@@ -130,22 +129,23 @@ impl Bidirectional {
         numbers: &mut impl Numbers,
         joints: &mut Vec<Joint>,
     ) -> Option<Contribution> {
+        let mut rng = if scene.has_media { numbers.rng() } else { HashRng::default() };
         let (u_light, u) = (numbers.next_1d(), numbers.next_2d());
-        if v.depth > self.max_depth || !v.scatter.is_smooth_anywhere() {
+        if v.depth > self.max_depth || !v.is_smooth_anywhere() {
             return None;
         }
-        let ctx = context(&v.surface);
+        let ctx = v.context();
         let (index, pmf) = scene.light_sampler.sample(&ctx, u_light)?;
         let light = &scene.lights[index as usize];
         let sample = light.sample(&ctx, u)?;
-        let (f, pdf) = v.scatter.eval_pdf(v.wo, sample.wi, TransportMode::Radiance);
+        let (f, pdf) = v.eval(scene, sample.wi);
         if f.is_black() {
             return None;
         }
         let radiance = scene.light_radiance(index, &sample);
         let distance_2 = if sample.dist.is_finite() { sample.dist * sample.dist } else { 1.0 };
         let to_light = if matches!(light, Light::Area(_)) { sample.n.dot(sample.wi).abs() / distance_2 } else { 1.0 };
-        let cos = v.surface.ng.dot(sample.wi).abs();
+        let cos = v.cos(sample.wi);
         let (own, first) = self.emission_densities(scene, index, sample.p, sample.n, -sample.wi, cos, distance_2);
         let nee = pmf * sample.pdf * to_light;
         if radiance.is_black() || !(nee > 0.0) {
@@ -153,14 +153,14 @@ impl Bidirectional {
         }
         joints.clear();
         joints.push(Joint { light: own, camera: pdf * to_light, connectible: true });
-        let back = v.pdf_back(scene, sample.wi, TransportMode::Importance) * v.to_previous;
+        let back = v.pdf_back(scene, sample.wi) * v.to_previous;
         push_camera_joints(joints, walk, v, first, Some(back));
         let weight = self.techniques.weight(joints, &Origin { nee, delta: light.is_delta() }, Technique::Connect(1));
         let value = v.beta * f * radiance * (weight / (pmf * sample.pdf));
         if value.is_black() {
             return None;
         }
-        let value = value * visibility(scene, &v.surface, v.wo, v.medium, &sample);
+        let value = value * v.visibility(scene, &sample, &mut rng);
         (!value.is_black()).then(|| Contribution { value, group: scene.light_groups[index as usize] })
     }
 
@@ -170,15 +170,16 @@ impl Bidirectional {
         scene: &Scene,
         (light_walk, start, y): (&Walk, &LightStart, &Vertex),
         (camera_walk, z): (&Walk, &Vertex),
+        rng: &mut HashRng,
         joints: &mut Vec<Joint>,
     ) -> Option<Contribution> {
         if y.depth.saturating_add(z.depth) > self.max_depth {
             return None;
         }
-        let to = y.surface.p - z.surface.p;
+        let to = y.p - z.p;
         let distance_2 = to.length_squared();
         let w = to / distance_2.sqrt();
-        let (f_z, pdf_z) = z.scatter.eval_pdf(z.wo, w, TransportMode::Radiance);
+        let (f_z, pdf_z) = z.eval(scene, w);
         if !w.is_finite() || f_z.is_black() {
             return None;
         }
@@ -187,9 +188,9 @@ impl Bidirectional {
         if value.is_black() || !value.is_finite() {
             return None;
         }
-        let pdf_y = y.scatter.eval_pdf(y.wo, -w, TransportMode::Importance).1;
-        let back_z = z.pdf_back(scene, w, TransportMode::Importance);
-        let (cos_y, cos_z) = (y.surface.ng.dot(w).abs(), z.surface.ng.dot(w).abs());
+        let pdf_y = y.pdf_light(scene, -w);
+        let back_z = z.pdf_back(scene, w);
+        let (cos_y, cos_z) = (y.cos(w), z.cos(w));
         let origin = set_light_joints(joints, light_walk, start, y, pdf_z * cos_y / distance_2, back_y * y.to_previous);
         push_camera_joints(joints, camera_walk, z, pdf_y * cos_z / distance_2, Some(back_z * z.to_previous));
         let weight = self.techniques.weight(joints, &origin, Technique::Connect(y.depth as usize + 1));
@@ -197,8 +198,8 @@ impl Bidirectional {
         if value.is_black() {
             return None;
         }
-        let p = y.surface.offset_origin(-w);
-        let value = value * visibility(scene, &z.surface, z.wo, z.medium, &target(p, w, (p - z.surface.p).length()));
+        let p = y.origin(-w);
+        let value = value * z.visibility(scene, &target(p, w, (p - z.p).length()), rng);
         (!value.is_black()).then_some(Contribution { value, group: start.group })
     }
 
@@ -211,18 +212,19 @@ impl Bidirectional {
         numbers: &mut impl Numbers,
         joints: &mut Vec<Joint>,
     ) -> Option<(Vec2, Contribution)> {
+        let mut rng = if scene.has_media { numbers.rng() } else { HashRng::default() };
         let (u_lens, u) = (numbers.next_2d(), numbers.next_1d());
-        if y.depth > self.max_depth || !y.scatter.is_smooth_anywhere() {
+        if y.depth > self.max_depth || !y.is_smooth_anywhere() {
             return None;
         }
-        let seen = scene.camera.connect(y.surface.p, u_lens, self.margin, u)?;
+        let seen = scene.camera.connect(y.p, u_lens, self.margin, u)?;
         let (f, back) = y.eval_light(scene, seen.w);
         let per_area = seen.per_area / scene.camera.pixels();
         let value = y.beta * f * (per_area * seen.places);
         if value.is_black() || !value.is_finite() {
             return None;
         }
-        let cos = y.surface.ng.dot(seen.w).abs();
+        let cos = y.cos(seen.w);
         let origin = set_light_joints(joints, walk, start, y, per_area * cos, back * y.to_previous);
         joints.push(CAMERA);
         let weight = self.techniques.weight(joints, &origin, Technique::Connect(y.depth as usize + 1));
@@ -231,12 +233,12 @@ impl Bidirectional {
             return None;
         }
         let sample = target(seen.o - seen.w * seen.near, seen.w, seen.dist - seen.near);
-        let value = value * visibility(scene, &y.surface, y.wo, y.medium, &sample);
+        let value = value * y.visibility(scene, &sample, &mut rng);
         (!value.is_black()).then_some((seen.picture, Contribution { value, group: start.group }))
     }
 }
 
-/// A point to look at, for [`visibility`].
+/// A point to look at.
 fn target(p: Vec3, wi: Vec3, dist: f32) -> LightSample {
     LightSample { wi, dist, p, n: -wi, uv: Vec2::ZERO, radiance: Spectrum::ONE, pdf: 1.0, delta: false }
 }

@@ -11,14 +11,14 @@ pub(super) mod walk;
 
 use super::emission::EmissionSampler;
 use super::path::first_hit;
-use super::{Estimate, Splat, Stage};
+use super::{Estimate, Splat};
 use crate::camera::CameraRay;
 use crate::math::Vec2;
-use crate::sampler::SampleStream;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::Scene;
 use mis::{Joint, Techniques};
 use stored::StoredWalks;
-use walk::{Escape, Walk};
+use walk::{Escape, Place, Walk};
 
 /// Where random numbers come from.
 pub(super) trait Numbers {
@@ -26,6 +26,8 @@ pub(super) trait Numbers {
     fn next_1d(&mut self) -> f32;
     /// The next pair.
     fn next_2d(&mut self) -> Vec2;
+    /// Numbers without an end, for media.
+    fn rng(&mut self) -> HashRng;
 }
 
 impl Numbers for SampleStream {
@@ -38,6 +40,11 @@ impl Numbers for SampleStream {
     fn next_2d(&mut self) -> Vec2 {
         Self::next_2d(self)
     }
+
+    #[inline]
+    fn rng(&mut self) -> HashRng {
+        Self::rng(self)
+    }
 }
 
 /// First dimensions of a sample's numbers that belong to the walk from the light, to connections to lights and to those to the camera.
@@ -46,6 +53,8 @@ pub(super) const LIGHT_DIMENSIONS: u32 = 1 << 16;
 pub(super) const DIRECT_DIMENSIONS: u32 = 2 << 16;
 /// See [`LIGHT_DIMENSIONS`].
 pub(super) const CAMERA_DIMENSIONS: u32 = 3 << 16;
+/// See [`LIGHT_DIMENSIONS`]; what connections in media need.
+const CONNECTION_DIMENSIONS: u32 = 4 << 16;
 
 /// What bidirectional methods need beside the scene.
 #[derive(Clone, Debug)]
@@ -69,15 +78,8 @@ impl Bidirectional {
     }
 
     /// Prepares the choice of lights.
-    ///
-    /// # Errors
-    /// A sentence where the scene has what these methods cannot do.
-    pub fn prepare(&mut self, scene: &Scene, _stage: &Stage, name: &str) -> Result<(), String> {
-        if scene.classic.is_some() {
-            return Err(format!("`{name}` cannot render POV-Ray scenes yet; `whitted` can"));
-        }
+    pub fn prepare(&mut self, scene: &Scene) {
         self.emission = Some(EmissionSampler::new(scene));
-        Ok(())
     }
 
     /// One sample by all connections, and by merging with kept walks where there are some.
@@ -104,6 +106,10 @@ impl Bidirectional {
         // One edge more than scattering events: the last vertex may be a light.
         let escape = self.walk_camera(scene, camera_ray, self.max_depth.saturating_add(1), stream, &mut walk);
         let mut numbers = stream.at(DIRECT_DIMENSIONS);
+        let mut rng = if scene.has_media { stream.at(CONNECTION_DIMENSIONS).rng() } else { HashRng::default() };
+        for &(_, emitted) in &walk.emitted {
+            out.add(emitted, 0);
+        }
         self.direct_sight(scene, camera_ray, &walk, None, &mut joints, out);
         for z in &walk.vertices {
             if let Some(c) = self.hit(scene, &walk, z, &mut joints).filter(|_| z.depth > 1) {
@@ -112,12 +118,12 @@ impl Bidirectional {
             if let Some(c) = self.direct(scene, &walk, z, &mut numbers, &mut joints) {
                 out.add(c.value, c.group);
             }
-            if !z.scatter.is_smooth_anywhere() {
+            if !z.is_smooth_anywhere() {
                 continue;
             }
             if let Some(start) = &start {
-                for y in light_walk.vertices.iter().filter(|y| y.scatter.is_smooth_anywhere()) {
-                    if let Some(c) = self.connect(scene, (&light_walk, start, y), (&walk, z), &mut joints) {
+                for y in light_walk.vertices.iter().filter(|y| y.is_smooth_anywhere()) {
+                    if let Some(c) = self.connect(scene, (&light_walk, start, y), (&walk, z), &mut rng, &mut joints) {
                         out.add(c.value, c.group);
                     }
                 }
@@ -142,8 +148,10 @@ impl Bidirectional {
         out: &mut Estimate,
     ) {
         for z in walk.vertices.iter().filter(|z| z.depth == 1) {
-            let distance = (z.surface.p - camera_ray.ray.o).length();
-            first_hit(scene, &z.surface, z.wo, &z.scatter, distance, out);
+            match &z.place {
+                Place::Surface(s, scatter) => first_hit(scene, s, z.wo, scatter, (z.p - camera_ray.ray.o).length(), out),
+                Place::Medium(_) => out.alpha = 1.0,
+            }
             if let Some(c) = self.hit(scene, walk, z, joints) {
                 out.add(c.value, c.group);
             }

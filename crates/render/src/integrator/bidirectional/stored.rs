@@ -6,7 +6,6 @@ use super::connect::{Contribution, push_camera_joints};
 use super::mis::{Joint, Origin, Technique};
 use super::walk::{LightStart, START, Vertex, Walk};
 use super::{Bidirectional, LIGHT_DIMENSIONS};
-use crate::bsdf::TransportMode;
 use crate::integrator::Stage;
 use crate::math::{PI, Vec3};
 use crate::sampler::{Sampler, SamplerKind};
@@ -103,9 +102,10 @@ impl StoredWalks {
             let previous = if v.previous == START { START } else { v.previous + first };
             let Vertex { own, other, to_previous, depth, delta, nee, .. } = *v;
             self.links.push(Link { own, other, to_previous, previous, path, depth, delta, nee });
-            let usable = own > 0.0 && own.is_finite() && v.beta.is_finite() && v.surface.p.is_finite();
-            if usable && v.scatter.is_smooth_anywhere() {
-                self.photons.push(Photon { p: v.surface.p, w: v.wo, beta: v.beta.rgb(), link: first + i as u32 });
+            let usable = own > 0.0 && own.is_finite() && v.beta.is_finite() && v.p.is_finite();
+            // In media paths are connected only.
+            if usable && v.surface().is_some() && v.is_smooth_anywhere() {
+                self.photons.push(Photon { p: v.p, w: v.wo, beta: v.beta.rgb(), link: first + i as u32 });
             }
         }
     }
@@ -182,14 +182,14 @@ impl Bidirectional {
         if !scale.is_finite() || !(z.own > 0.0) {
             return;
         }
-        let ng = z.surface.ng;
-        stored.near(z.surface.p, |photon| {
+        let Some(ng) = z.surface().map(|s| s.ng) else { return };
+        stored.near(z.p, |photon| {
             let Some(link) = stored.links.get(photon.link as usize) else { return };
-            let off = (photon.p - z.surface.p).dot(ng).abs();
+            let off = (photon.p - z.p).dot(ng).abs();
             if link.depth + z.depth - 1 > self.max_depth || off > THICKNESS * stored.radius {
                 return;
             }
-            let (f, to_light) = z.scatter.eval_pdf(z.wo, photon.w, TransportMode::Radiance);
+            let (f, to_light) = z.eval(scene, photon.w);
             if f.is_black() {
                 return;
             }
@@ -209,7 +209,7 @@ impl Bidirectional {
             joints.push(Joint { camera: back.unwrap_or(start.joint.camera), ..start.joint });
             joints.reverse();
             let origin = Origin { nee: at.nee, delta: start.delta };
-            let back = z.pdf_back(scene, photon.w, TransportMode::Importance) * z.to_previous;
+            let back = z.pdf_back(scene, photon.w) * z.to_previous;
             push_camera_joints(joints, walk, z, link.own, Some(back));
             let weight = self.techniques.weight(joints, &origin, Technique::Merge(link.depth as usize));
             add(Contribution { value: value * weight, group: start.group });

@@ -14,12 +14,20 @@ use crate::scene::{LightSource, Scene};
 use crate::spectrum::Spectrum;
 use crate::texture;
 
-/// Adds all lights of a scene whose geometry stands.
+/// Adds all lights of a scene whose geometry stands, and an environment that is not in the description.
 ///
 /// # Errors
 /// Faults of environment pictures and of the settings.
-pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings) -> Result<(), Vec<Fault>> {
+pub(super) fn add(
+    scene: &mut Scene,
+    desc: &SceneDesc,
+    settings: &RenderSettings,
+    environment: Option<EnvironmentLight>,
+) -> Result<(), Vec<Fault>> {
     add_emitting_objects(scene);
+    if let Some(light) = environment {
+        push(scene, Light::Environment(Box::new(light)), 0);
+    }
     let mut faults = Vec::new();
     for node in &desc.lights {
         let found = make(desc, &node.value);
@@ -75,7 +83,8 @@ fn add_emitting_objects(scene: &mut Scene) {
     for object_index in 0..scene.geometries[0].objects.len() {
         let g = &scene.geometries[0];
         let object = &g.objects[object_index];
-        let Some(emission) = object.emission else { continue };
+        // What glows on a solid is found by chance alone: it has no primitives to sample.
+        let Some(emission) = object.emission.filter(|_| object.first_primitive != NONE) else { continue };
         let (radiance, textured) = match emission.radiance {
             Param::Constant(c) => (Spectrum::from_rgb(c), false),
             Param::Texture(id) => (*averages.entry(id).or_insert_with(|| scene.textures[id.0 as usize].average()), true),

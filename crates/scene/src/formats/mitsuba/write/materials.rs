@@ -284,7 +284,10 @@ impl Writer<'_> {
     pub(super) fn medium(&mut self, i: usize) {
         let node = &self.desc.media[i];
         let id = self.ids.media[i].clone();
-        let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value;
+        let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value else {
+            self.lose(node.span, "grid medium", "left out");
+            return;
+        };
         if emission.iter().any(|v| *v != 0.0) {
             self.lose(node.span, "emission of a medium", "none");
         }
@@ -299,6 +302,7 @@ impl Writer<'_> {
                 self.xml.open("phase", "hg", "");
                 self.xml.float("g", *g);
             }
+            PhaseDesc::Blend { .. } => self.xml.open("phase", "isotropic", ""),
         }
         self.xml.close();
         self.xml.close();

@@ -46,7 +46,10 @@ impl Writer<'_> {
             _ => self.line(&format!("Integrator \"volpath\" \"integer maxdepth\" {depth}")),
         }
         for (i, node) in self.desc.media.iter().enumerate() {
-            let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value;
+            let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value else {
+                self.lose(node.span, "grid medium", "left out");
+                continue;
+            };
             let _ = write!(self.text, "MakeNamedMedium \"v{i}\"");
             self.string("type", "homogeneous");
             self.rgb("sigma_a", *sigma_a);
@@ -58,6 +61,7 @@ impl Writer<'_> {
                 PhaseDesc::Isotropic => {}
                 PhaseDesc::HenyeyGreenstein { g } => self.float("g", *g),
                 PhaseDesc::Rayleigh => self.lose(node.span, "Rayleigh phase function", "isotropic"),
+                PhaseDesc::Blend { .. } => self.lose(node.span, "blend of phase functions", "isotropic"),
             }
             self.text.push('\n');
         }
