@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, direct, particles, photon, sppm, whitted, ao, normals."""
+    """How light is computed: path, light, bdpt, vcm, mlt, direct, particles, photon, sppm, radiosity, raster, whitted, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -69,7 +69,7 @@ class RenderSettings(TypedDict, total=False):
     photon_neighbors: int | None
     """Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given."""
     photon_radius: float | None
-    """Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given."""
+    """Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given."""
     photon_memory: int | None
     """Most memory for photons; where they are more, they are thinned, with a message."""
     photon_map: str | None

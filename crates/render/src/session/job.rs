@@ -229,6 +229,10 @@ pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Resul
     if plan.antialias.is_some() && integrator.shares_camera_samples() {
         return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
     }
+    if plan.antialias.is_some() && integrator.splats() {
+        let message = "brings light to all pixels with every sample, so that `antialias`, which leaves samples out, does not go with it";
+        return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
+    }
     Ok(integrator)
 }
 
