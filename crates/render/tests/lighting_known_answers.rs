@@ -95,7 +95,7 @@ fn closed_rooms_sum_all_reflections() {
         ShapeDesc {
             bsdf: Some(both),
             flip_normals: true,
-            emission: Some(EmissionDesc { radiance: Color::gray(1.0), two_sided: true, group: String::new() }),
+            emission: Some(EmissionDesc { radiance: Color::gray(1.0), two_sided: false, group: String::new() }),
             ..ShapeDesc::new(GeometryDesc::Sphere { center: Vec3::ZERO, radius: 2.0 }, glam::Mat4::IDENTITY)
         },
     );
