@@ -30,13 +30,23 @@ pub struct Receiver<'a> {
 
 /// A point in the air as a surface without normal.
 pub fn in_air(p: Vec3) -> Surface {
+    let frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::ZERO };
+    free(p, frame)
+}
+
+/// A point that hangs freely as a surface that faces the unit direction `n`: a sensor.
+pub fn sensor(p: Vec3, n: Vec3) -> Surface {
+    free(p, Frame::from_normal(n))
+}
+
+fn free(p: Vec3, frame: Frame) -> Surface {
     Surface {
         p,
-        ng: Vec3::ZERO,
-        frame: Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::ZERO },
+        ng: frame.n,
+        frame,
         uv: Vec2::ZERO,
-        dpdu: Vec3::ZERO,
-        dpdv: Vec3::ZERO,
+        dpdu: frame.s,
+        dpdv: frame.t,
         bary: Vec2::ZERO,
         t: 0.0,
         instance: 0,
@@ -62,6 +72,14 @@ impl Receiver<'_> {
     /// Whether light from a direction counts: not from below the horizon of either normal.
     fn sees(&self, d: Vec3) -> bool {
         self.is_in_air() || self.surface.frame.n.dot(d) > 0.0 && self.surface.ng.dot(d) > 0.0
+    }
+
+    /// One estimate of the irradiance in W·m⁻².
+    pub fn irradiance(&self, stream: &mut SampleStream, estimate: &mut Estimate) -> Spectrum {
+        let mut sum = Spectrum::ZERO;
+        let n = self.surface.frame.n;
+        self.gather(stream, estimate, |d, radiance| sum += radiance * n.dot(d).max(0.0));
+        sum
     }
 
     /// One sample: calls back with unit directions towards the light and radiance over density (per solid angle). The sum over

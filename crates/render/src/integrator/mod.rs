@@ -7,9 +7,14 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+mod bdpt;
+pub mod bidirectional;
 pub mod emission;
+mod illuminance;
 pub mod irradiance;
+mod light;
 mod light_sampling;
+mod mlt;
 mod normals;
 mod particles;
 mod path;
@@ -19,10 +24,15 @@ mod photon_walk;
 mod radiosity;
 mod raster;
 mod sppm;
+mod vcm;
 mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use bdpt::Bdpt;
+pub use illuminance::Illuminance;
+pub use light::LightTracer;
+pub use mlt::Mlt;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
@@ -31,6 +41,7 @@ pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_
 pub use radiosity::Radiosity;
 pub use raster::Raster;
 pub use sppm::Sppm;
+pub use vcm::Vcm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -70,6 +81,8 @@ pub struct Splat {
     /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
     /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
     pub radiance: Spectrum,
+    /// Light group.
+    pub group: u32,
 }
 
 /// The last real scattering of a path, which the weights of the light found next refer to.
@@ -183,10 +196,18 @@ pub trait Integrator: Send + Sync {
         false
     }
 
+    /// Whether the scene is to hide its lights from the camera for this method, whatever the file says.
+    fn hides_lights(&self) -> bool {
+        false
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
     }
+
+    /// Tells how far outside of the picture, in pixels, its filter reaches: so far splats are wanted. Before [`Self::prepare`].
+    fn set_margin(&mut self, _pixels: f32) {}
 
     /// Sentences for the user about what was done: what was chosen and why, energy balance, known bias. After [`Self::prepare`].
     fn notes(&self) -> Vec<String> {
@@ -198,7 +219,23 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] = &[
+    "path",
+    "bdpt",
+    "vcm",
+    "mlt",
+    "light",
+    "sppm",
+    "photon",
+    "particles",
+    "radiosity",
+    "raster",
+    "direct",
+    "whitted",
+    "illuminance",
+    "ao",
+    "normals",
+];
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -214,6 +251,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
+        "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
+        "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
@@ -221,6 +262,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "whitted" => Box::new(Whitted { max_depth }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "radiosity" => Box::new(Radiosity::new(settings)?),
+        "illuminance" => {
+            let path = RenderSettings { integrator: Some("path".into()), ..settings.clone() };
+            Box::new(Illuminance::new(create(&path, desc)?))
+        }
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

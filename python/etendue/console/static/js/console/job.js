@@ -5,7 +5,7 @@ import { decode, Picture } from "../picture.js";
 import { OPERATOR_NAMES } from "../tone.js";
 import { API, call, get, post, request } from "./api.js";
 import { logList } from "./farm.js";
-import { ask, attempt, badge, bar, coreHours, confirmed, field, lossReport, money, pager, percent, put, Rows, toggle, when } from "./ui.js";
+import { ask, attempt, badge, bar, coreHours, confirmed, field, lossReport, money, pager, percent, put, Rows, sentence, toggle, when } from "./ui.js";
 
 const ACTIONS = { pause: "Pause", resume: "Resume", approve: "Approve", retry: "Retry", cancel: "Cancel", delete: "Delete" };
 const FRAMES = 60;
@@ -107,7 +107,7 @@ export async function jobPage(main, app, id) {
       if (e.name === "AbortError" || e.status === 401) return;
       if (e.status === 404) {
         empty.hidden = Boolean(picture.frame) && picture.frame.frame === frame;
-        empty.textContent = e.message[0].toUpperCase() + e.message.slice(1);
+        empty.textContent = sentence(e.message);
       } else version.textContent = e.message;
     }
   }
