@@ -11,7 +11,7 @@ use crate::camera::CameraRay;
 use crate::light::LightContext;
 use crate::math::warp::{UNIFORM_SPHERE_PDF, cosine_hemisphere, cosine_hemisphere_pdf, power_heuristic, uniform_sphere};
 use crate::math::{Frame, Vec2, Vec3};
-use crate::sampler::SampleStream;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -91,11 +91,12 @@ impl Receiver<'_> {
             }
         };
         let (scene, s) = (self.scene, self.surface);
+        let mut rng = stream.rng();
         let ctx = LightContext { p: s.p, n: s.frame.n };
         if let Some(direct) = sample_one(scene, &ctx, stream).filter(|d| self.sees(d.sample.wi)) {
             let wi = direct.sample.wi;
             let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, self.pdf(wi)) };
-            let visible = visibility(scene, s, s.ng, &scene.camera_medium, &direct.sample, &mut stream.rng());
+            let visible = visibility(scene, s, s.ng, &scene.camera_medium, &direct.sample, &mut rng);
             add(wi, direct.radiance * visible * (weight / direct.pdf));
         }
         let u = stream.next_2d();
@@ -105,7 +106,7 @@ impl Receiver<'_> {
             return;
         }
         let ray = Ray::new(s.offset_origin(d), d);
-        let mut radiance = self.emitted_along(&ctx, ray, pdf);
+        let mut radiance = self.emitted_along(&ctx, ray, pdf, &mut rng);
         if let Some(integrator) = self.indirect {
             estimate.reset(scene.group_names.len());
             integrator.estimate(
@@ -120,11 +121,16 @@ impl Receiver<'_> {
     }
 
     /// Light that comes straight from lights along a ray, through surfaces that let it, weighted against their own sampling.
-    fn emitted_along(&self, ctx: &LightContext, mut ray: Ray, pdf: f32) -> Spectrum {
+    fn emitted_along(&self, ctx: &LightContext, mut ray: Ray, pdf: f32, rng: &mut HashRng) -> Spectrum {
         let scene = self.scene;
         let (mut through, mut sum) = (Spectrum::ONE, Spectrum::ZERO);
+        let mut media = scene.camera_medium;
         for _ in 0..MAX_CROSSINGS {
-            let Some(s) = scene.intersect(&ray) else {
+            let hit = scene.intersect(&ray);
+            if let Some(medium) = scene.medium(&media) {
+                through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
+            }
+            let Some(s) = hit else {
                 for &light in &scene.infinite_lights {
                     let radiance = scene.lights[light as usize].escaped(ray.d);
                     if !radiance.is_black() {
@@ -145,6 +151,9 @@ impl Receiver<'_> {
             through *= material.shade(scene, &s, -ray.d).null_transmittance(-ray.d);
             if through.is_black() {
                 return sum;
+            }
+            if scene.has_media {
+                media.cross(scene, &s, ray.d);
             }
             ray = Ray::new(s.offset_origin(ray.d), ray.d);
         }
