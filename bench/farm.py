@@ -21,6 +21,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import ray
 from sqlalchemy import func, insert, select
 
 import etendue
@@ -121,12 +122,12 @@ def costs(farm_folder, args):
     scheduler.close()
     # Films of a real picture: bytes, and time to merge them.
     path = farm_folder / "room.xml"
-    path.write_text(
-        '<scene version="3.0.0"><sensor type="perspective"/><emitter type="constant"/>'
-        '<shape type="sphere"><point name="center" x="0" y="0" z="4"/></shape></scene>'
-    )
+    # Two balls that fill the picture and shadow each other: noise in every pixel.
+    balls = "".join(f'<shape type="sphere"><point name="center" x="{x}" y="0" z="3"/></shape>' for x in (-0.6, 0.6))
+    view = '<sensor type="perspective"><float name="fov" value="15"/></sensor><emitter type="constant"/>'
+    path.write_text(f'<scene version="3.0.0">{view}{balls}</scene>')
     scene = _etendue.load(path, [], {}, None, None, (0.0, 0, 0, (None, None)))
-    parts = scene.prepare({"width": 960, "height": 540, "spp": 64, "integrator": "ao"}, None, 1, [], True)
+    parts = scene.prepare({"width": 960, "height": 540, "spp": 64, "integrator": "path"}, None, 1, [], True)
     tiles = [(x, y, x + 240, y + 135) for y in range(0, 540, 135) for x in range(0, 960, 240)][:8]
     films = [parts.render(tile, 0, 4) for tile in tiles]
     with Timer() as merging:
@@ -136,7 +137,8 @@ def costs(farm_folder, args):
         "head_secs_per_unit": timer.cpu / units,
         "head_wall_secs_per_unit": timer.wall / units,
         "film_bytes_per_pixel": sum(map(len, films)) / (8 * 240 * 135),
-        "merge_bytes_per_cpu_sec": (sum(map(len, films)) + len(merged)) / 2 / merging.cpu,
+        # Reading and writing, as the simulation counts it.
+        "merge_bytes_per_sec": (sum(map(len, films)) + len(merged)) / merging.cpu,
     }
 
 
@@ -294,7 +296,9 @@ def main():
     finally:
         if args.farm is None:
             shutil.rmtree(folder, ignore_errors=True)
-    json.dump({"what": args.what, "version": etendue.__version__, "machine": machine(), **found}, sys.stdout, indent=1)
+    json.dump(
+        {"what": args.what, "version": etendue.__version__, "ray": ray.__version__, "machine": machine(), **found}, sys.stdout, indent=1
+    )
     print()
 
 
