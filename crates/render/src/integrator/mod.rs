@@ -7,6 +7,7 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+mod auto;
 mod bdpt;
 pub mod bidirectional;
 pub mod emission;
@@ -29,6 +30,7 @@ mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use auto::Auto;
 pub use bdpt::Bdpt;
 pub use illuminance::Illuminance;
 pub use light::LightTracer;
@@ -220,6 +222,7 @@ pub trait Integrator: Send + Sync {
 
 /// Names that [`create`] knows.
 pub const NAMES: &[&str] = &[
+    "auto",
     "path",
     "bdpt",
     "vcm",
@@ -237,12 +240,15 @@ pub const NAMES: &[&str] = &[
     "normals",
 ];
 
-/// The integrator that the settings name, else the file's, else `path`.
+/// The integrator where neither the user nor the file names one.
+pub const DEFAULT: &str = "auto";
+
+/// The integrator that the settings name, else the file's, else [`DEFAULT`].
 ///
 /// # Errors
 /// A sentence where there is no integrator of that name.
 pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dyn Integrator>, String> {
-    let name = settings.integrator.as_deref().unwrap_or(if desc.name.is_empty() { "path" } else { &desc.name });
+    let name = settings.integrator.as_deref().unwrap_or(if desc.name.is_empty() { DEFAULT } else { &desc.name });
     // A depth that the file gives to its own integrator means nothing to another.
     let same = settings.integrator.is_none() || settings.integrator.as_deref() == Some(&desc.name) || desc.name.is_empty();
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
@@ -250,6 +256,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
+        "auto" => {
+            let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
+            Box::new(Auto::new(path, photons()?))
+        }
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
         "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),

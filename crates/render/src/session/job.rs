@@ -112,7 +112,7 @@ impl Plan {
         let integrator = settings
             .integrator
             .clone()
-            .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
+            .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
         Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
     }
 }
