@@ -269,7 +269,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
         "sppm" => Box::new(Sppm::new(photons()?)),
-        "whitted" => Box::new(Whitted { max_depth }),
+        "whitted" => Box::new(Whitted { max_depth, has_scattering: false }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "radiosity" => Box::new(Radiosity::new(settings)?),
         "illuminance" => {

@@ -53,7 +53,7 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What each area light is part of: its light's `emission_id` is an index here.
     pub light_sources: Vec<LightSource>,
-    /// Middle and radius of each light that has a place; empty where no path can be in a medium.
+    /// Middle and radius of each light that has a place; empty where none has, or no path can be in a medium.
     pub light_places: Vec<Option<(Vec3, f32)>>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
