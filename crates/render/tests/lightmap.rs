@@ -276,7 +276,7 @@ fn all_methods_find_the_same_light() {
     let desc = corner();
     let settings = RenderSettings { photons: Some(100_000), photon_neighbors: Some(32), ..RenderSettings::default() };
     let is_cancelled = || false;
-    let stage = Stage { size: [1, 1], seed: 0, is_cancelled: &is_cancelled, progress: &|_, _| {} };
+    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
     let bake = Bake::new(&desc, &settings, &small(), "path").unwrap();
     let mean = |name: &str, gather: bool, spp: u32| {
         let method = bake.method(name, gather, &stage, &mut Vec::new()).unwrap();
@@ -467,7 +467,7 @@ fn wrong_settings_are_refused_with_a_sentence() {
     refused(BakeOptions { texels_per_meter: Some(f64::NAN), ..small() }, "positive");
     let lit = Bake::new(&desc, &RenderSettings::default(), &small(), "path").unwrap();
     let is_cancelled = || false;
-    let stage = Stage { size: [1, 1], seed: 0, is_cancelled: &is_cancelled, progress: &|_, _| {} };
+    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
     assert!(lit.method("magic", false, &stage, &mut Vec::new()).err().unwrap().to_string().contains("radiosity"));
 }
 

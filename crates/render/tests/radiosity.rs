@@ -236,7 +236,7 @@ fn an_integrating_sphere_is_evenly_lit_by_a_small_light() {
 /// A closed room of unlike walls with a light under the ceiling and a block on the floor; two-sided materials.
 fn room() -> SceneDesc {
     let mut desc = scene();
-    let mut wall = |desc: &mut SceneDesc, m: Mat4, rgb: [f32; 3]| {
+    let wall = |desc: &mut SceneDesc, m: Mat4, rgb: [f32; 3]| {
         let front = add(desc, BsdfDesc::Diffuse { reflectance: Color::Constant(rgb), alpha: None });
         let both = add(desc, BsdfDesc::TwoSided { front, back: front });
         shape(desc, GeometryDesc::Rectangle, m, Some(both));
@@ -301,7 +301,7 @@ impl SelectOne for glam::BVec3 {
 fn all_methods_agree_with_path_tracing_in_a_room() {
     let mut desc = room();
     let scene = compiled(&mut desc);
-    let path = Path { max_depth: u32::MAX, rr_depth: 4 };
+    let path = Path { max_depth: u32::MAX, rr_depth: 4, equiangular: true };
     let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 1 };
     let mut out = Estimate::default();
     // Reflected radiance over reflectance, times π, is irradiance; none of the regions emits.
