@@ -160,7 +160,12 @@ class Worker:
         return prepared
 
     def _part(self, prepared: Prepared, key: str, rect: Rect, begin: int, end: int) -> bytes:
-        film = prepared.parts.render(rect, begin, end, self._stopper(key))
+        try:
+            film = prepared.parts.render(rect, begin, end, self._stopper(key))
+        except Exception:
+            # A session that has failed is not used again.
+            self._scenes.clear()
+            raise
         if film is None:
             raise Cancelled
         return film
