@@ -30,6 +30,7 @@ class SecurityHeaders:
         self._is_https = is_https
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request with the headers."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

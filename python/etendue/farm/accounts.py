@@ -289,16 +289,21 @@ class Accounts:
             user = session.scalar(select(User).where(User.name == name[:64]))
         kept = user.password_hash if user is not None and user.is_active else None
         fits = check_password(password, kept or _NOBODY)
-        with self._database.begin() as session:
-            if user is None or kept is None or not fits:
-                shown = name[:64] if _NAME.fullmatch(name[:64]) else "someone"
+        if user is None or kept is None or not fits:
+            shown = name[:64] if _NAME.fullmatch(name[:64]) else "someone"
+            with self._database.begin() as session:
                 audit(session, user.id if user else None, "sign-in-refused", f"{shown} did not sign in: wrong name or password")
-                return None
-            cookie, csrf, now = secrets.token_urlsafe(32), secrets.token_urlsafe(32), time.time()
+            return None
+        return self.open_session(actor_of(user))
+
+    def open_session(self, actor: Actor) -> SignedIn:
+        """Return a new browser session of a user who has shown in another way who they are."""
+        cookie, csrf, now = secrets.token_urlsafe(32), secrets.token_urlsafe(32), time.time()
+        with self._database.begin() as session:
             session.execute(delete(WebSession).where(WebSession.expires_at < now))
-            session.add(WebSession(hash=_sha256(cookie), user_id=user.id, csrf=csrf, expires_at=now + SESSION_SECS))
-            audit(session, user.id, "sign-in", f"{user.name} signed in")
-        return SignedIn(actor_of(user), cookie, csrf, now + SESSION_SECS)
+            session.add(WebSession(hash=_sha256(cookie), user_id=actor.id, csrf=csrf, expires_at=now + SESSION_SECS))
+            audit(session, actor.id, "sign-in", f"{actor.name} signed in")
+        return SignedIn(actor, cookie, csrf, now + SESSION_SECS)
 
     def by_cookie(self, cookie: str) -> SignedIn | None:
         """Return the browser session of a cookie; None for an unknown or expired one."""

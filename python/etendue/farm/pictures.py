@@ -53,6 +53,14 @@ class Pictures:
         except FileNotFoundError:
             raise NotFoundError(f"frame {frame} of job {job_id} has no preview any more") from None
 
+    def job_preview(self, actor: Actor, job_id: int) -> Picture | None:
+        """Return the newest small picture of a job's first frame that has one; None before there is any."""
+        self._jobs.get(actor, job_id)
+        with self._database.read() as session:
+            first = select(Frame.number).where(Frame.job_id == job_id, Frame.preview.is_not(None)).order_by(Frame.number).limit(1)
+            number = session.scalar(first)
+        return None if number is None else self.preview(actor, job_id, number)
+
     def layers(self, actor: Actor, job_id: int, frame: int) -> list[str]:
         """Return the names of the layers that `develop` can show of a frame; empty before its first unit is done."""
         _, layers = self._films(actor, job_id, frame)
@@ -86,6 +94,27 @@ class Pictures:
         """
         if not -64 <= exposure <= 64:
             raise InvalidError("the exposure is -64 to 64 stops")
+        version, _, numbers = self.layer(actor, job_id, frame, layer, size=size)
+        try:
+            data = display(numbers, layer, exposure, tonemap)
+        except etendue.SettingError as e:
+            raise InvalidError(str(e)) from e
+        return Picture(data=png(data), media_type="image/png", version=version)
+
+    def layer(self, actor: Actor, job_id: int, frame: int, layer: str = "rgb", *, size: int | None = None) -> tuple[int, list[str], Array]:
+        """Return a layer of a frame as it is now: its version, the names of all layers, and the numbers.
+
+        Args:
+            actor: Who asks.
+            job_id: The job.
+            frame: The frame's number.
+            layer: One of the names.
+            size: Longest edge in pixels; None: 1:1, up to `MAX_PREVIEW_EDGE`.
+
+        Raises:
+            NotFoundError: No unit is done yet, or there is no such layer.
+            InvalidError: The size does not fit.
+        """
         edge = MAX_PREVIEW_EDGE if size is None else size
         if not 1 <= edge <= MAX_PREVIEW_EDGE:
             raise InvalidError(f"the size of a preview is 1 to {MAX_PREVIEW_EDGE} pixels")
@@ -94,11 +123,7 @@ class Pictures:
             raise NotFoundError(f"no unit of frame {frame} of job {job_id} is done yet")
         if layer not in layers:
             raise NotFoundError(f"there is no layer `{layer[:40]}`; there are {', '.join(layers)}")
-        try:
-            data = display(shrink(layers[layer], edge), layer, exposure, tonemap)
-        except etendue.SettingError as e:
-            raise InvalidError(str(e)) from e
-        return Picture(data=png(data), media_type="image/png", version=version)
+        return version, list(layers), shrink(layers[layer], edge)
 
     def _films(self, actor: Actor, job_id: int, frame: int) -> tuple[int, dict[str, Array]]:
         with self._database.read() as session:
@@ -110,7 +135,7 @@ class Pictures:
                 self._developed.move_to_end(key)
                 return key[1], self._developed[key]
         try:
-            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True) if paths else {}
+            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True, True) if paths else {}
         except FileNotFoundError:
             # Merged while we looked: the next call finds the sum.
             raise NotFoundError(f"the films of frame {frame} are being merged; ask again") from None
