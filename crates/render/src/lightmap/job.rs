@@ -178,9 +178,8 @@ impl Bake {
             }
             irradiance = refill(&irradiance);
         }
-        if seams::stitch(&self.flat, layout, &mut irradiance) {
-            irradiance = refill(&irradiance);
-        }
+        // Gutters are part of what both sides agree on, and stay as they are from here on.
+        seams::stitch(&self.flat, layout, &mut irradiance);
         let buried = spots.iter().filter(|s| s.is_buried).count();
         Ok(Baked { irradiance, albedo, normal, direction, vertices: Vec::new(), buried })
     }
