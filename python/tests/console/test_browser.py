@@ -122,7 +122,8 @@ def colors(page, selector: str = "#stage canvas") -> int:
     """Return how many colors the picture has: 1 for an empty one."""
     script = """s => { const c = document.querySelector(s);
         const d = c.getContext('2d').getImageData(0, 0, c.width, c.height).data;
-        const seen = new Set(); for (let i = 0; i < d.length; i += 4) seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size; }"""
+        const seen = new Set(); for (let i = 0; i < d.length; i += 4)
+            seen.add(d[i] << 16 | d[i + 1] << 8 | d[i + 2]); return seen.size; }"""
     return int(page.evaluate(script, selector))
 
 
