@@ -17,6 +17,7 @@ from etendue._errors import Error, Fault, ImageError, SceneError, SettingError, 
 from etendue._etendue import Status, __version__
 from etendue._images import compare, flip_map, read_image, read_layers, tonemap, write_image
 from etendue._scene import Loss, Parameter, Scene, View, load, load_dict, load_string, parameters
+from etendue._study import study
 from etendue._transform import Transform
 
 __all__ = [
@@ -41,6 +42,7 @@ __all__ = [
     "parameters",
     "read_image",
     "read_layers",
+    "study",
     "tonemap",
     "write_image",
 ]

@@ -65,6 +65,7 @@ class Prepared:
     spp: int
     is_adaptive: bool
     splats: bool
+    has_costly_passes: bool
     integrator: str
     scene_hash: str
     warnings: list[str]

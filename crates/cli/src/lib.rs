@@ -3,6 +3,7 @@
 //! [`main`] parses arguments, runs the command and turns its result into an exit code. It is a library so that the
 //! Python package can offer the same command.
 
+mod clock;
 pub mod commands;
 pub mod exit;
 pub mod progress;
@@ -28,16 +29,26 @@ enum Command {
     Render(Box<commands::render::Args>),
     /// Render a POV-Ray scene with POV-Ray's own switches and .ini files.
     Pov(commands::pov::Args),
+    /// Bake a scene's light into textures or vertices, as glTF.
+    Bake(Box<commands::bake::Args>),
+    /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
+    Light(Box<commands::light::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
+    /// Print the form factors of a scene's elements as a table.
+    FormFactors(Box<commands::form_factors::Args>),
     /// Convert a scene to another format.
     Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
     Bench(commands::bench::Args),
     /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
     Compare(commands::compare::Args),
+    /// Render a scene by every method and report their errors over time.
+    Study(Box<commands::study::Args>),
     /// Add up films of different samples of one picture, exactly.
     Merge(commands::merge::Args),
+    /// Trace photons of a scene into a file that serves many views; merge such files.
+    Photons(commands::photons::Args),
     /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
     Denoise(commands::denoise::Args),
     /// Render on many machines: up, submit, status, wait, fetch and more (needs the Python package).
@@ -60,11 +71,16 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
+        Command::Bake(args) => commands::bake::run(*args),
+        Command::Light(args) => commands::light::run(*args),
         Command::Info(args) => commands::info::run(args),
+        Command::FormFactors(args) => commands::form_factors::run(*args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Study(args) => commands::study::run(*args),
         Command::Merge(args) => commands::merge::run(args),
+        Command::Photons(args) => commands::photons::run(args),
         Command::Denoise(args) => commands::denoise::run(args),
         Command::Farm(_) => commands::python::refuse("farm", "farm"),
         Command::View(_) => commands::python::refuse("view", "console"),

@@ -1,14 +1,19 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
+pub mod bake;
 pub mod bench;
 pub mod compare;
 pub mod convert;
 pub mod denoise;
+pub mod form_factors;
 pub mod info;
+pub mod light;
 pub mod merge;
+pub mod photons;
 pub mod pov;
 pub mod python;
 pub mod render;
+pub mod study;
 
 use std::io::Write;
 

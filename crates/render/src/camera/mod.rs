@@ -2,10 +2,15 @@
 //!
 //! Camera space: +x right, +y up, looking along −z. Picture space: pixels, (0, 0) the upper left corner.
 
+mod importance;
+
+pub use importance::CameraConnection;
+
 use etendue_scene::desc::{CameraDesc, FovAxis, ProjectionDesc};
 
 use crate::accel::Ray;
-use crate::math::{Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+use crate::math::{Mat3, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+use crate::raster::{Pose, View};
 
 /// A ray of the camera.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +42,11 @@ enum Projection {
 /// A camera ready to make rays for a picture of a given size.
 #[derive(Clone, Debug)]
 pub struct Camera {
+    size: [u32; 2],
     world_from_camera: Mat4,
+    camera_from_world: Mat4,
+    /// |det| of the matrix `camera_from_world` of directions.
+    determinant: f32,
     projection: Projection,
     corner: Vec2,
     step: Vec2,
@@ -76,7 +85,24 @@ impl Camera {
             Projection::Orthographic => 0.0,
             Projection::Panoramic => PI / h,
         };
-        Self { world_from_camera: desc.world_from_camera, projection, corner, step, near: desc.near, far: desc.far, spread_rad }
+        let camera_from_world = desc.world_from_camera.inverse();
+        Self {
+            size: [width.max(1), height.max(1)],
+            world_from_camera: desc.world_from_camera,
+            camera_from_world,
+            determinant: Mat3::from_mat4(camera_from_world).determinant().abs(),
+            projection,
+            corner,
+            step,
+            near: desc.near,
+            far: desc.far,
+            spread_rad,
+        }
+    }
+
+    /// A point of the lens in camera space.
+    fn lens(&self, radius: f32, u_lens: Vec2) -> Vec3 {
+        if radius > 0.0 { (warp::disk_concentric(u_lens) * radius).extend(0.0) } else { Vec3::ZERO }
     }
 
     /// The ray through a point of the picture (in pixels) and of the lens (`u_lens` in [0, 1)²).
@@ -86,8 +112,7 @@ impl Camera {
             Projection::Perspective { aperture_radius, focus_distance } => {
                 let d = Vec3::new(q.x, q.y, -1.0);
                 if aperture_radius > 0.0 {
-                    let lens = warp::disk_concentric(u_lens) * aperture_radius;
-                    let o = Vec3::new(lens.x, lens.y, 0.0);
+                    let o = self.lens(aperture_radius, u_lens);
                     (o, d * focus_distance - o)
                 } else {
                     (Vec3::ZERO, d)
@@ -114,12 +139,45 @@ impl Camera {
     }
 }
 
+impl Camera {
+    /// What a picture of `size` pixels shows through one point of the lens (`u_lens` in [0, 1)²), for the z-buffer; `None` for
+    /// cameras whose picture is not flat.
+    pub fn view(&self, size: [u32; 2], u_lens: Vec2) -> Option<View> {
+        let m = self.world_from_camera.as_dmat4();
+        let [right, up, back, eye] = [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(glam::DVec4::truncate);
+        let far_corner = self.corner + Vec2::new(size[0] as f32, size[1] as f32) * self.step;
+        // What is at distance 1 moves against the lens's point by what it takes to meet in the plane of focus.
+        let (lens, shift) = match self.projection {
+            Projection::Perspective { aperture_radius, focus_distance } if aperture_radius > 0.0 => {
+                let lens = warp::disk_concentric(u_lens) * aperture_radius;
+                (lens, lens / focus_distance)
+            }
+            _ => (Vec2::ZERO, Vec2::ZERO),
+        };
+        let (a, b) = ((self.corner - shift).as_dvec2(), (far_corner - shift).as_dvec2());
+        let window = [a.x, b.x, b.y, a.y];
+        let lens = lens.as_dvec2();
+        let pose = Pose { eye: eye + right * lens.x + up * lens.y, right, up, forward: -back };
+        let (near, far) = (f64::from(self.near), f64::from(self.far));
+        match self.projection {
+            Projection::Perspective { .. } => Some(View::perspective(pose, window, size, near, far)),
+            Projection::Orthographic => Some(View::orthographic(pose, window, size, near.max(0.0), far)),
+            Projection::Panoramic => None,
+        }
+    }
+
+    /// Where the camera is.
+    pub fn position(&self) -> Vec3 {
+        self.world_from_camera.w_axis.truncate()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn desc(projection: ProjectionDesc) -> CameraDesc {
-        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY, medium: None }
     }
 
     fn perspective(fov_axis: FovAxis, aperture_radius: f32) -> CameraDesc {

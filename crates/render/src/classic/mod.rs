@@ -19,6 +19,7 @@ mod light;
 mod losses;
 mod media;
 mod mesh_camera;
+pub mod physical;
 mod radiosity;
 mod refract;
 mod shadow;
@@ -32,6 +33,8 @@ pub use losses::losses;
 use std::sync::Arc;
 
 use etendue_procedural::{Context, Inside, ObjectId};
+use etendue_scene::RenderSettings;
+use etendue_scene::desc::SceneDesc;
 use etendue_scene::desc::classic::{Camera, ClassicScene, GlobalSettings};
 use glam::{DVec2, DVec3};
 
@@ -46,6 +49,12 @@ use refract::{Stack, Within};
 use trace::Tracer;
 
 use crate::integrator::{Estimate, FirstHit};
+
+/// Whether a classic scene is to be rendered by its own shading model: the default, by the name `whitted`.
+pub fn is_asked_for(desc: &SceneDesc, settings: &RenderSettings) -> bool {
+    let name = settings.integrator.as_deref().unwrap_or(&desc.integrator.name);
+    desc.classic.is_some() && matches!(name, "whitted" | "")
+}
 
 /// A scene of the classic model, ready to be rendered.
 pub struct ClassicWorld {

@@ -5,8 +5,11 @@
 //! path asks for them.
 
 mod halton;
+mod rng;
 mod sobol;
 mod stratified;
+
+pub use rng::HashRng;
 
 use crate::math::hash::{hash_words, mix32, unit_float};
 use crate::math::{ONE_MINUS_EPSILON, Vec2};
@@ -54,7 +57,7 @@ impl Sampler {
     #[inline]
     pub fn stream(&self, x: u32, y: u32, index: u32) -> SampleStream {
         let pixel = hash_words([self.seed, u64::from(x) << 32 | u64::from(y)]);
-        SampleStream { kind: self.kind, spp: self.spp, pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
+        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
     }
 }
 
@@ -63,17 +66,44 @@ impl Sampler {
 pub struct SampleStream {
     kind: SamplerKind,
     spp: u32,
+    at: [u32; 2],
     pixel: [u32; 2],
     index: u32,
     dimension: u32,
 }
 
 impl SampleStream {
+    /// Column and row of the pixel.
+    #[inline]
+    pub fn pixel(&self) -> [u32; 2] {
+        self.at
+    }
+
+    /// Index of the sample.
+    #[inline]
+    pub fn index(&self) -> u32 {
+        self.index
+    }
+
+    /// The same sample's numbers from a dimension on: for parts of a sample that must not shift each other's numbers.
+    #[inline]
+    pub fn at(&self, dimension: u32) -> Self {
+        Self { dimension, ..*self }
+    }
+
     /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
     #[inline]
     fn dimension_hash(&self) -> [u32; 2] {
         let a = mix32(self.pixel[0] ^ self.dimension.wrapping_mul(0x9e37_79b9));
         [a, mix32(self.pixel[1] ^ a)]
+    }
+
+    /// Numbers without an end that belong to the current dimension, whatever the sequence. Takes no dimension: the numbers that follow
+    /// are the same with and without it, and two generators made at one dimension give the same numbers.
+    #[inline]
+    pub fn rng(&self) -> HashRng {
+        let [a, b] = self.dimension_hash();
+        HashRng::new(hash_words([u64::from(a) << 32 | u64::from(b), u64::from(self.index) ^ 0x6d65_6469_756d_0000]))
     }
 
     /// The next number.

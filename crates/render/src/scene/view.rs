@@ -7,6 +7,7 @@ use glam::{DMat4, DVec3};
 
 use super::{Scene, compile};
 use crate::camera::Camera;
+use crate::classic::physical;
 
 /// Where to look from in place of the file's camera, whose projection is kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,19 +45,20 @@ impl Scene {
     /// # Errors
     /// A fault where the description has no such camera.
     pub fn look(&mut self, desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2], view: Option<View>) -> Result<(), Vec<Fault>> {
-        if let (Some(classic), Some(world)) = (&desc.classic, &mut self.classic) {
+        let fault = |message| vec![Fault { severity: Severity::Error, span: Span::default(), message }];
+        if let Some(classic) = &desc.classic {
             let mut camera = classic.camera.clone();
             if let Some(view) = view {
                 move_classic(&mut camera, &view);
             }
-            world.set_camera(camera, size);
+            match &mut self.classic {
+                Some(world) => world.set_camera(camera, size),
+                None => self.camera = Camera::new(&physical::camera(&camera, size).map_err(fault)?, size[0], size[1]),
+            }
         } else {
             let mut camera = compile::camera(desc, settings)?.clone();
             if let Some(view) = view {
-                move_camera(&mut camera, &view).map_err(|message| {
-                    let span = Span::default();
-                    vec![Fault { severity: Severity::Error, span, message }]
-                })?;
+                move_camera(&mut camera, &view).map_err(fault)?;
             }
             self.camera = Camera::new(&camera, size[0], size[1]);
         }

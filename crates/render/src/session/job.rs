@@ -6,7 +6,7 @@ use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
 use super::{Antialias, Aov, Session};
-use crate::classic::WorkingSpace;
+use crate::classic::{self, WorkingSpace};
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
 use crate::integrator::{self, Integrator};
 use crate::sampler::{Sampler, SamplerKind};
@@ -69,6 +69,7 @@ impl Plan {
     /// [`JobError::Setting`] for unknown names and impossible sizes.
     pub fn new(desc: &SceneDesc, settings: &RenderSettings, crop: Option<[u32; 4]>) -> Result<Self, JobError> {
         let film = &desc.film;
+        let classic = desc.classic.as_ref().filter(|_| classic::is_asked_for(desc, settings));
         let (width, height) = size(film, settings)?;
         let full = Rect::new(0, 0, width, height);
         let same_size = (width, height) == (film.width.unwrap_or(width), film.height.unwrap_or(height));
@@ -86,21 +87,21 @@ impl Plan {
             Some(name) => Filter::from_name(name).ok_or_else(|| {
                 JobError::Setting(format!("no filter `{name}`; there are box, tent, gaussian, mitchell, blackman-harris, lanczos"))
             })?,
-            None if desc.classic.is_some() => Filter::BOX,
+            None if classic.is_some() => Filter::BOX,
             None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
             (Some(name), _) => SamplerKind::from_name(name)
                 .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
-            (None, _) if desc.classic.is_some() => SamplerKind::Stratified,
+            (None, _) if classic.is_some() => SamplerKind::Stratified,
             (None, _) => SamplerKind::Sobol,
         };
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
             return Err(JobError::Setting(format!("no light sampler `{name}`; there are {}", LIGHT_SAMPLERS.join(", "))));
         }
         let antialias = antialias(desc, settings)?;
-        let spp = match (antialias, &desc.classic) {
+        let spp = match (antialias, classic) {
             (Some(antialias), _) => antialias.spp(),
             (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(classic.camera.samples().unwrap_or(1)),
             (None, None) => settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP),
@@ -111,7 +112,7 @@ impl Plan {
         let integrator = settings
             .integrator
             .clone()
-            .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
+            .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
         Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
     }
 }
@@ -126,13 +127,14 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
     if depth == 0 || depth > MAX_ANTIALIAS_DEPTH {
         return Err(JobError::Setting(format!("antialiasing adds 1 to {MAX_ANTIALIAS_DEPTH} rows of samples, not {depth}")));
     }
-    let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
+    let classic = desc.classic.as_ref().filter(|_| classic::is_asked_for(desc, settings));
+    let default = if classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
-    let has_own = desc.classic.as_ref().is_some_and(|c| c.camera.samples().is_some());
+    let has_own = classic.is_some_and(|c| c.camera.samples().is_some());
     let threshold = match settings.antialias {
         _ if has_own => 0.0,
         // One sample goes through the center, as in POV-Ray.
-        Some(t) if !(t > 0.0) && desc.classic.is_some() && settings.spp.is_none() => f32::INFINITY,
+        Some(t) if !(t > 0.0) && classic.is_some() && settings.spp.is_none() => f32::INFINITY,
         given => given.unwrap_or(default),
     };
     Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
@@ -171,8 +173,9 @@ fn filter(desc: FilterDesc) -> Filter {
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
     // A wrong name is told before any work is done.
-    method(desc, settings, plan)?;
-    let scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    let hides_lights = method(desc, settings, plan)?.hides_lights();
+    let mut scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    scene.hide_lights |= hides_lights;
     prepare_compiled(desc, settings, plan, aovs, Arc::new(scene))
 }
 
@@ -222,10 +225,15 @@ pub fn prepare_compiled(
 /// # Errors
 /// [`JobError::Setting`]
 pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Result<Box<dyn Integrator>, JobError> {
-    if desc.classic.is_some() && plan.integrator != "whitted" {
-        return Err(JobError::Setting(format!("`{}` cannot render POV-Ray scenes yet; `whitted` can", plan.integrator)));
+    let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
+    if plan.antialias.is_some() && integrator.shares_camera_samples() {
+        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
     }
-    integrator::create(settings, &desc.integrator).map_err(JobError::Setting)
+    if plan.antialias.is_some() && integrator.splats() {
+        let message = "brings light to all pixels with every sample, so that `antialias`, which leaves samples out, does not go with it";
+        return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
+    }
+    Ok(integrator)
 }
 
 /// A text of all settings that samples depend on; films merge only where it is equal. Settings that are not named here as having no

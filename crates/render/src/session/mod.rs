@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::classic::WorkingSpace;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
-use crate::integrator::{Estimate, Integrator, Stage};
+use crate::integrator::{CameraSample, Estimate, Integrator, Stage};
 use crate::math::Vec2;
 use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
@@ -138,6 +138,7 @@ impl Session {
         meta: FilmMeta,
     ) -> Result<Self, FilmError> {
         spec.channels = film_channels(&aovs, &scene.group_names);
+        spec.splats = integrator.splats();
         let filter = FilterSampler::new(spec.filter);
         let mut film = Film::new(spec)?;
         film.meta = meta;
@@ -183,6 +184,11 @@ impl Session {
         self.integrator.splats()
     }
 
+    /// Whether each pass begins with work of its own, such as new particles: parts of a picture would each do it again.
+    pub fn has_costly_passes(&self) -> bool {
+        self.integrator.pass_limit() < PASS_LIMIT
+    }
+
     /// Changes the tiles and their order; for tests, which show that neither matters.
     #[doc(hidden)]
     pub fn set_tile_order(&mut self, order: fn(&mut Vec<Rect>)) {
@@ -226,8 +232,17 @@ impl Session {
         let spec = self.film.spec();
         let is_cancelled = || cancel.is_cancelled();
         let progress = |what: &str, fraction: f64| observer.stage(what, fraction);
-        let stage = Stage { size: [spec.width, spec.height], seed: self.sampler.seed, is_cancelled: &is_cancelled, progress: &progress };
+        let (sampler, filter) = (self.sampler, self.filter.clone());
+        let camera_sample = |index: u32| shared_sample(&sampler, &filter, index);
+        let stage = Stage {
+            size: [spec.width, spec.height],
+            seed: self.sampler.seed,
+            camera_sample: &camera_sample,
+            is_cancelled: &is_cancelled,
+            progress: &progress,
+        };
         if !self.is_prepared {
+            self.integrator.set_margin(spec.filter.radius());
             self.integrator.prepare(&self.scene, &stage).map_err(SessionError::Integrator)?;
             self.is_prepared = !cancel.is_cancelled();
         }
@@ -345,7 +360,11 @@ impl Session {
             for x in rect.x0..rect.x1 {
                 for index in begin..end {
                     let weight = match &self.centers {
-                        None => self.sample(x, y, index, &mut estimate),
+                        None => {
+                            let (weight, stream) = self.sample(x, y, index, &mut estimate);
+                            self.splat(&estimate, stream, tile);
+                            weight
+                        }
                         Some(centers) if index == 0 => {
                             self.center(x, y, &mut estimate);
                             centers.keep(x, y, estimate.radiance);
@@ -360,7 +379,7 @@ impl Session {
                                 // None of this pixel's further samples is needed.
                                 break;
                             }
-                            self.sample(x, y, index - 1, &mut estimate)
+                            self.sample(x, y, index - 1, &mut estimate).0
                         }
                     };
                     channels::values(&estimate, &self.aovs, &mut values);
@@ -375,13 +394,30 @@ impl Session {
         }
     }
 
-    /// One sample of a pixel; returns its filter weight.
-    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> f32 {
+    /// One sample of a pixel; returns its filter weight and the numbers that are left.
+    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> (f32, SampleStream) {
         let mut stream = self.sampler.stream(x, y, index);
+        if self.integrator.shares_camera_samples() {
+            let shared = shared_sample(&self.sampler, &self.filter, index);
+            let camera_ray = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
+            estimate.reset(self.scene.group_names.len());
+            self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
+            return (shared.weight, stream);
+        }
         let filtered = self.filter.sample(stream.next_2d());
         let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
         self.trace(picture, &mut stream, estimate);
-        filtered.weight
+        (filtered.weight, stream)
+    }
+
+    /// Hands a sample's light for other pixels to the film.
+    fn splat(&self, estimate: &Estimate, mut stream: SampleStream, tile: &mut Film) {
+        for splat in &estimate.splats {
+            let landed = self.filter.land(splat.picture, stream.next_independent_2d());
+            if let Some((Ok(x), Ok(y), weight)) = landed.map(|(x, y, weight)| (u32::try_from(x), u32::try_from(y), weight)) {
+                tile.add_splat(x, y, weight, splat.radiance.rgb(), splat.group);
+            }
+        }
     }
 
     /// The sample through the center of a pixel. Its random numbers are those of an index that no session comes to.
@@ -396,6 +432,13 @@ impl Session {
         estimate.reset(self.scene.group_names.len());
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
+}
+
+/// The camera sample that all pixels share: that of a pixel that no picture has.
+fn shared_sample(sampler: &Sampler, filter: &FilterSampler, index: u32) -> CameraSample {
+    let mut stream = sampler.stream(u32::MAX, u32::MAX, index);
+    let filtered = filter.sample(stream.next_2d());
+    CameraSample { offset: filtered.offset, weight: filtered.weight, u_lens: stream.next_2d() }
 }
 
 /// The ranges of `begin..end` that a tile still lacks.

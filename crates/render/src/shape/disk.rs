@@ -8,7 +8,7 @@ use crate::math::{Aabb, INV_TAU, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
 /// The unit disk of the xy plane under a transform: also ellipses. u is the radius, v the angle over 2π.
 #[derive(Clone, Debug)]
 pub struct Disk {
-    planar: Planar,
+    pub(super) planar: Planar,
 }
 
 impl Disk {

@@ -24,6 +24,7 @@ pub mod plane;
 pub mod polygon;
 pub mod rectangle;
 pub mod sphere;
+mod tessellate;
 pub mod triangle;
 
 pub use cylinder::Cylinder;
@@ -32,6 +33,7 @@ pub use plane::Plane;
 pub use polygon::Polygon;
 pub use rectangle::Rectangle;
 pub use sphere::Sphere;
+pub use tessellate::Tessellation;
 
 use etendue_scene::desc::GeometryDesc;
 
@@ -167,6 +169,15 @@ shapes! {
 }
 
 impl Shape {
+    /// The density by area with which `sample_area` returns the point `p` of the surface; 0 for unbounded shapes.
+    pub fn pdf_area(&self, p: Vec3) -> f32 {
+        match self {
+            Self::Sphere(s) => s.pdf_area(p),
+            Self::Cylinder(s) => s.pdf_area(p),
+            _ => 1.0 / self.area(),
+        }
+    }
+
     /// The analytic shape of a description; `None` for meshes and cubes (which become triangles) and for what is no surface.
     pub fn from_desc(geometry: &GeometryDesc, world_from_object: Mat4, flip_normals: bool) -> Option<Self> {
         let m = world_from_object;

@@ -8,7 +8,7 @@ use crate::math::{Aabb, Mat4, Vec2, Vec3};
 /// The infinite plane z = 0 of its own space. It has no finite area, so that it cannot be sampled as a light.
 #[derive(Clone, Debug)]
 pub struct Plane {
-    planar: Planar,
+    pub(super) planar: Planar,
 }
 
 impl Plane {

@@ -61,6 +61,17 @@ impl Polygon {
         Aabb { min: b.min - pad, max: b.max + pad }
     }
 
+    /// Two triangles for each piece of the inside.
+    pub(super) fn pieces(&self) -> super::Tessellation {
+        let corner = |x: f32, y: f32| self.planar.point(Vec2::new(x, y));
+        let positions = self.trapezoids.iter().flat_map(|t| {
+            let [y0, y1] = t.y;
+            [corner(t.left[0], y0), corner(t.right[0], y0), corner(t.right[1], y1), corner(t.left[1], y1)]
+        });
+        let triangles = (0..self.trapezoids.len() as u32).map(|i| 4 * i).flat_map(|i| [[i, i + 1, i + 2], [i, i + 2, i + 3]]);
+        (positions.collect(), triangles.collect())
+    }
+
     /// Whether a point of the plane is inside: an odd number of sides to its right.
     fn contains(&self, q: Vec2) -> bool {
         if !(q.cmpge(self.min).all() && q.cmple(self.max).all()) {
@@ -92,6 +103,17 @@ impl Polygon {
     /// See [`super::Shape::area`].
     pub fn area(&self) -> f32 {
         self.area
+    }
+
+    /// The polygon's inside as triangles without overlap, counter-clockwise about local +z.
+    pub fn triangles(&self) -> Vec<[Vec3; 3]> {
+        let at = |x: f32, y: f32| self.planar.point(Vec2::new(x, y));
+        let pair = |t: &Trapezoid| {
+            let [a, b] = [at(t.left[0], t.y[0]), at(t.right[0], t.y[0])];
+            let [c, d] = [at(t.left[1], t.y[1]), at(t.right[1], t.y[1])];
+            [[a, b, d], [a, d, c]]
+        };
+        self.trapezoids.iter().flat_map(pair).collect()
     }
 
     /// See [`super::Shape::sample_area`].

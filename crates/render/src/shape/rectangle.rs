@@ -10,7 +10,7 @@ use crate::math::{Aabb, Mat4, Vec2, Vec3};
 /// The square [−1, 1]² of the xy plane under a transform: also parallelograms. u and v run along x and y.
 #[derive(Clone, Debug)]
 pub struct Rectangle {
-    planar: Planar,
+    pub(super) planar: Planar,
     /// Whether the sides are perpendicular, which the sampling by solid angle needs.
     right_angled: bool,
 }

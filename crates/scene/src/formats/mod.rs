@@ -5,6 +5,7 @@ mod exr;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+mod nanovdb;
 pub mod pbrt;
 mod picture_size;
 pub mod pov;
@@ -12,7 +13,8 @@ mod resolver;
 mod sidecar;
 mod spectrum;
 mod summary;
-mod tessellate;
+pub mod tessellate;
+mod volume;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};
