@@ -1,13 +1,15 @@
 """A farm with a few users, its console, and clients that are signed in."""
 
+import shutil
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
-for _package in ("fastapi", "sqlalchemy", "httpx2"):
-    pytest.importorskip(_package, reason=f"the console's test packages are not installed ({_package})")
+pytest.importorskip("fastapi", reason="the console's packages are not installed")
+pytest.importorskip("sqlalchemy", reason="the farm's packages are not installed")
+pytest.importorskip("httpx2", reason="httpx2 is not installed")
 
 from starlette.testclient import TestClient
 
@@ -20,8 +22,7 @@ from etendue.farm.models import User
 from etendue.farm.service import Farm
 from etendue.farm.states import Role
 from etendue.farm.views import JobDetail
-
-from ..farm.conftest import BALLS, SPIN, Runner, packed
+from tests.farm.conftest import BALLS, SPIN, Runner, packed
 
 PASSWORD = "correct horse"
 BASE = "http://localhost"
@@ -29,14 +30,29 @@ LIMIT = 1 << 20
 """Bytes of an upload."""
 
 
-@pytest.fixture
-def farm(tmp_path: Path) -> Iterator[Farm]:
-    """A farm with short units, the artists ada and eve, the viewer max, and the administrator root."""
-    limits = Limits(check_secs=120, upload_bytes=LIMIT, package_bytes=LIMIT)
-    made = Farm.open(tmp_path / "farm", FarmConfig(unit_secs=(0.02, 0.05), limits=limits, price=0.1))
+CONFIG = FarmConfig(
+    unit_secs=(0.02, 0.05), limits=Limits(check_secs=120, upload_bytes=LIMIT, package_bytes=LIMIT), price=0.1, private_webhooks=True
+)
+
+
+@pytest.fixture(scope="session")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a farm with users and a package of ada's, to be copied: making tables and reading scenes takes a while."""
+    root = tmp_path_factory.mktemp("template") / "farm"
+    made = Farm.open(root, CONFIG)
     local = made.accounts.local()
     for name, role in (("ada", Role.ARTIST), ("eve", Role.ARTIST), ("max", Role.VIEWER), ("root", Role.ADMIN)):
         made.accounts.create(local, name, role=role)
+    made.upload(actor(made, "ada"), packed(scene_xml=BALLS), "scene.zip")
+    made.close()
+    return root
+
+
+@pytest.fixture
+def farm(tmp_path: Path, template: Path) -> Iterator[Farm]:
+    """A farm with short units, the artists ada and eve, the viewer max, and the administrator root."""
+    shutil.copytree(template, tmp_path / "farm")
+    made = Farm.open(tmp_path / "farm", CONFIG)
     yield made
     made.close()
 
@@ -67,13 +83,13 @@ class Browser:
         headers = {"x-csrf-token": self.csrf, **kwargs.pop("headers", {})}  # type: ignore[dict-item]
         return self.client.request(method, f"/api/v1{path}", headers=headers, **kwargs)  # type: ignore[arg-type]
 
-    def get(self, path: str, **kwargs: object):  # noqa: ANN201 - httpx's Response
+    def get(self, path: str, **kwargs: object):
         return self("GET", path, **kwargs)
 
-    def post(self, path: str, **kwargs: object):  # noqa: ANN201
+    def post(self, path: str, **kwargs: object):
         return self("POST", path, **kwargs)
 
-    def upload(self, data: bytes, filename: str = "scene.zip"):  # noqa: ANN201
+    def upload(self, data: bytes, filename: str = "scene.zip"):
         return self.post("/packages", params={"filename": filename}, content=data)
 
     def submit(self, **spec: object) -> dict[str, object]:
@@ -86,12 +102,12 @@ class Browser:
 
 
 @pytest.fixture
-def app(farm: Farm, settings: ConsoleSettings):  # noqa: ANN201
+def app(farm: Farm, settings: ConsoleSettings):
     return create_app(farm, settings)
 
 
 @pytest.fixture
-def browser(farm: Farm, app) -> Iterator[Callable[[str], Browser]]:  # noqa: ANN001
+def browser(farm: Farm, app) -> Iterator[Callable[[str], Browser]]:
     """Makes browsers that are signed in."""
     clients: list[TestClient] = []
 
@@ -106,7 +122,7 @@ def browser(farm: Farm, app) -> Iterator[Callable[[str], Browser]]:  # noqa: ANN
 
 
 @pytest.fixture
-def anyone(app) -> Iterator[TestClient]:  # noqa: ANN001
+def anyone(app) -> Iterator[TestClient]:
     """A client that is not signed in."""
     with TestClient(app, base_url=BASE, raise_server_exceptions=False, follow_redirects=False) as client:
         yield client

@@ -22,7 +22,7 @@ USERS = iter(range(1 << 30))
 
 
 @pytest.fixture
-def description(farm: Farm):  # noqa: ANN201
+def description(farm: Farm):
     app = create_app(farm, ConsoleSettings(hosts=["*"], requests_per_sec=1e6, burst=1e9, sign_ins=1e9, uploads_per_min=1e9))
     return schemathesis.openapi.from_asgi("/api/openapi.json", app)
 
@@ -40,7 +40,7 @@ schema = schemathesis.pytest.from_fixture("description")
     phases=[Phase.explicit, Phase.generate],
     suppress_health_check=list(HealthCheck),
 )
-def test_the_api_keeps_its_word(case, farm: Farm) -> None:  # noqa: ANN001
+def test_the_api_keeps_its_word(case, farm: Farm) -> None:
     # Some of what is tried revokes tokens.
     token = farm.accounts.create_token(actor(farm, "ada"), f"try {next(USERS)}")
     case.call_and_validate(headers={"authorization": f"Bearer {token}"}, checks=CHECKS)
