@@ -3,7 +3,8 @@
 use etendue_scene::RenderSettings;
 
 use super::{BakeError, SurfaceLight};
-use crate::integrator::{Integrator, Path, Stage};
+use crate::integrator::{Integrator, Path, PhotonSettings, Stage};
+use crate::photon::PhotonLight;
 use crate::scene::Scene;
 
 /// Names of the methods.
@@ -25,12 +26,15 @@ impl Method {
     ///
     /// # Errors
     /// [`BakeError::Setting`] for a name that is unknown, or of a method that cannot bake yet.
-    pub fn new(name: &str, _scene: &Scene, settings: &RenderSettings, _stage: &Stage) -> Result<Self, BakeError> {
+    pub fn new(name: &str, scene: &Scene, settings: &RenderSettings, stage: &Stage) -> Result<Self, BakeError> {
         match name {
             "path" => Ok(Self::path(settings)),
-            "radiosity" | "particles" => {
-                Err(BakeError::Setting(format!("the method `{name}` cannot bake yet; `path` can, and finds the same light")))
+            "particles" => {
+                let photons = PhotonSettings::new(settings, settings.max_depth, 4).map_err(BakeError::Setting)?;
+                let map = photons.map(scene, stage, &mut Vec::new()).map_err(BakeError::Setting)?;
+                Ok(Self::Solved(Box::new(PhotonLight::new(map, photons.count(), photons.reach(scene)))))
             }
+            "radiosity" => Err(BakeError::Setting(format!("the method `{name}` cannot bake yet; `path` can, and finds the same light"))),
             _ => Err(BakeError::Setting(format!("no method `{name}`; there are {}", NAMES.join(", ")))),
         }
     }
