@@ -32,6 +32,18 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    shadow_filter: str | None
+    """How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them)."""
+    shadow_resolution: int | None
+    """Edge of a shadow map; 1024 where not given."""
+    shadow_bias: float | None
+    """Factor on the biases of shadow maps: 0 shows acne, much more than 1 moves shadows away from their casters."""
+    shadow_maps: str | None
+    """Where shadow maps are drawn from: center (of each light), sampled (a new place of each light and the sky for every sample)."""
+    envmap: str | None
+    """What mirrors show with the raster integrator: none, sky, object (maps captured from the middle of each reflecting object)."""
+    envmap_correction: str | None
+    """How captured environment maps mend that all their rays start in one point: none, box."""
     radiosity_method: str | None
     """How radiosity is solved: hierarchical, progressive, matrix."""
     radiosity_error: float | None
