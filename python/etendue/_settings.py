@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, light, bdpt, vcm, mlt, direct, particles, photon, sppm, radiosity, raster, whitted, ao, normals."""
+    """How light is computed: auto, path, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -49,7 +49,7 @@ class RenderSettings(TypedDict, total=False):
     radiosity_error: float | None
     """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
     radiosity_elements: int | None
-    """Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given."""
+    """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
     radiosity_links: int | None
     """Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given."""
     radiosity_form_factors: str | None

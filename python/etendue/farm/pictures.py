@@ -53,6 +53,14 @@ class Pictures:
         except FileNotFoundError:
             raise NotFoundError(f"frame {frame} of job {job_id} has no preview any more") from None
 
+    def job_preview(self, actor: Actor, job_id: int) -> Picture | None:
+        """Return the newest small picture of a job's first frame that has one; None before there is any."""
+        self._jobs.get(actor, job_id)
+        with self._database.read() as session:
+            first = select(Frame.number).where(Frame.job_id == job_id, Frame.preview.is_not(None)).order_by(Frame.number).limit(1)
+            number = session.scalar(first)
+        return None if number is None else self.preview(actor, job_id, number)
+
     def layers(self, actor: Actor, job_id: int, frame: int) -> list[str]:
         """Return the names of the layers that `develop` can show of a frame; empty before its first unit is done."""
         _, layers = self._films(actor, job_id, frame)
@@ -127,7 +135,7 @@ class Pictures:
                 self._developed.move_to_end(key)
                 return key[1], self._developed[key]
         try:
-            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True) if paths else {}
+            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True, True) if paths else {}
         except FileNotFoundError:
             # Merged while we looked: the next call finds the sum.
             raise NotFoundError(f"the films of frame {frame} are being merged; ask again") from None

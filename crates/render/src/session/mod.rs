@@ -184,6 +184,11 @@ impl Session {
         self.integrator.splats()
     }
 
+    /// Whether each pass begins with work of its own, such as new particles: parts of a picture would each do it again.
+    pub fn has_costly_passes(&self) -> bool {
+        self.integrator.pass_limit() < PASS_LIMIT
+    }
+
     /// Changes the tiles and their order; for tests, which show that neither matters.
     #[doc(hidden)]
     pub fn set_tile_order(&mut self, order: fn(&mut Vec<Rect>)) {

@@ -5,6 +5,7 @@ mod exr;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+mod nanovdb;
 pub mod pbrt;
 mod picture_size;
 pub mod pov;
@@ -13,6 +14,7 @@ mod sidecar;
 mod spectrum;
 mod summary;
 pub mod tessellate;
+mod volume;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};

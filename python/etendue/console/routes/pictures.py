@@ -56,6 +56,15 @@ def _picture(found: Picture, if_none_match: str | None) -> Response:
     return Response(found.data, media_type=found.media_type, headers=headers)
 
 
+@router.get(
+    "/jobs/{job_id}/preview", response_class=Response, responses={**refusals(404), **PNG, 204: {"description": "There is none yet."}}
+)
+def job_preview(who: Who, farm: TheFarm, job_id: JobId, if_none_match: IfNoneMatch = None) -> Response:
+    """Show a small picture of a job: of its first frame that has one."""
+    found = farm.pictures.job_preview(who, job_id)
+    return Response(status_code=204) if found is None else _picture(found, if_none_match)
+
+
 @router.get("/jobs/{job_id}/frames/{frame}/preview", response_class=Response, responses={**refusals(404), **PNG})
 def preview(who: Who, farm: TheFarm, job_id: JobId, frame: FrameNumber, if_none_match: IfNoneMatch = None) -> Response:
     """Show the newest small picture of a frame."""
@@ -89,12 +98,18 @@ def layers(who: Who, farm: TheFarm, job_id: JobId, frame: FrameNumber) -> Layers
 @router.get(
     "/jobs/{job_id}/frames/{frame}/layers/{layer}",
     response_class=Response,
-    responses={**refusals(404), 200: {"content": {MEDIA_TYPE: {}}, "description": "Header and numbers, see etendue/console/wire.py."}},
+    responses={
+        **refusals(404),
+        204: {"description": "No unit is done yet."},
+        200: {"content": {MEDIA_TYPE: {}}, "description": "Header and numbers, see etendue/console/wire.py."},
+    },
 )
 def layer(
     who: Who, farm: TheFarm, job_id: JobId, frame: FrameNumber, layer: Layer, size: Size = 1600, if_none_match: IfNoneMatch = None
 ) -> Response:
     """Give a layer of a frame as it is now, as numbers: for the picture viewer."""
+    if not farm.pictures.layers(who, job_id, frame):
+        return Response(status_code=204)
     version, names, numbers = farm.pictures.layer(who, job_id, frame, layer, size=size)
     tag = f'"{version}-{layer}-{size}"' if layer.isascii() else f'"{version}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache"}

@@ -17,6 +17,7 @@ mod light;
 mod material;
 mod medium;
 mod params;
+mod presets;
 mod shape;
 mod spectrum;
 mod state;
