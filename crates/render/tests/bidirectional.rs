@@ -302,3 +302,30 @@ fn interpolated_normals_and_bumps() {
     assert_same("bdpt normals", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.05);
     assert_same("light normals", &blocks(&desc, &method("light", 32)), &path, ROUNDING, 0.08);
 }
+
+/// A ball of haze, and glass with smoke inside, in a room with a lamp and a bulb.
+#[test]
+fn scattering_media() {
+    let mut desc = glossy_room();
+    let none = bsdf(&mut desc, BsdfDesc::Null);
+    let haze = sphere(&mut desc, Vec3::new(0.2, -0.3, 1.6), 0.7, Some(none));
+    let phase = PhaseDesc::HenyeyGreenstein { g: 0.4 };
+    let medium = MediumDesc::Homogeneous { sigma_a: [0.1, 0.2, 0.3], sigma_s: [1.0, 0.8, 0.6], emission: [0.05; 3], phase };
+    let id = add(&mut desc, medium);
+    desc.shapes[haze.0 as usize].value.interior = Some(id);
+    let frosted = bsdf(&mut desc, glass(1.3, Some(0.3)));
+    let ball = sphere(&mut desc, Vec3::new(-0.6, -0.9, 1.4), 0.3, Some(frosted));
+    let phase = PhaseDesc::Isotropic;
+    let smoke = add(&mut desc, MediumDesc::Homogeneous { sigma_a: [0.5; 3], sigma_s: [3.0, 2.0, 1.0], emission: [0.0; 3], phase });
+    desc.shapes[ball.0 as usize].value.interior = Some(smoke);
+    add(&mut desc, LightDesc::Point { position: Vec3::new(0.9, -0.6, 2.4), intensity: [1.0; 3] });
+    let path = reference(&desc, &base(384));
+    assert_same("bdpt media", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.08);
+    assert_same("mlt media", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.3);
+    // No light is traced from what media emit.
+    let light = RenderSettings { spp: Some(1), ..method("light", 1) };
+    let mut session = session(&desc, &light);
+    let stop = etendue_render::session::Stop { spp: Some(1), ..Default::default() };
+    let error = session.render(&stop, &etendue_render::session::Cancel::default(), &etendue_render::session::Silent).unwrap_err();
+    assert!(error.to_string().contains("emit"), "{error}");
+}

@@ -276,7 +276,16 @@ impl Bidirectional {
         };
         let own = emission.pmf * if light.is_infinite() { emission.pdf_direction } else { emission.pdf_position };
         let media = sampler.media(emission.light);
-        self.walk(scene, emission.ray, emission.power(), edge, media, longest, numbers, walk);
+        let mut power = emission.power();
+        if let Some(medium) = scene.medium(&media).filter(|_| light.is_infinite()) {
+            // What fills the space without end lets nothing in from there.
+            let behind = Ray::new(emission.p, -emission.ray.d);
+            power *= medium.transmittance(&behind, f32::INFINITY, &mut numbers.rng());
+            if power.is_black() {
+                return None;
+            }
+        }
+        self.walk(scene, emission.ray, power, edge, media, longest, numbers, walk);
         // Several, where surfaces let the light through.
         for v in walk.vertices.iter_mut().filter(|v| v.previous == START) {
             v.nee = nee_density(scene, &emission, v);
