@@ -26,7 +26,7 @@ const FILE_MAGICS: [&[u8]; 2] = [b"NanoVDB0", b"NanoVDB2"];
 const META_SIZE: usize = 176;
 const GRID_SIZE: usize = 672;
 /// Entries of nodes that are looked at: a guard against files whose nodes refer to each other again and again.
-const MOST_ENTRIES: u64 = 1 << 28;
+const MOST_ENTRIES: u64 = 1 << 30;
 
 /// Bytes with bounds.
 struct Bytes<'a>(&'a [u8]);
@@ -59,7 +59,7 @@ impl<'a> Bytes<'a> {
     }
 
     fn bit(&self, mask: u64, i: u64) -> Result<bool, String> {
-        let [byte] = self.array::<1>(mask + i / 8)?;
+        let [byte] = self.array::<1>(mask.saturating_add(i / 8))?;
         Ok(byte >> (i % 8) & 1 == 1)
     }
 }
@@ -235,7 +235,7 @@ fn inner(grid: &Bytes, level: Level, below: Option<Level>, node: u64, origin: [i
             continue;
         }
         let entry = node.checked_add(level.table + 8 * i).ok_or(ENDS)?;
-        if !grid.bit(node + level.child_mask, i)? {
+        if !grid.bit(node.saturating_add(level.child_mask), i)? {
             filler.fill(at, edge, grid.f32(entry)?);
             continue;
         }
