@@ -46,7 +46,9 @@ def test_signing_in_and_out(farm: Farm, anyone: TestClient) -> None:
 
 
 def test_cookies_behind_tls(farm: Farm) -> None:
-    with TestClient(create_app(farm, ConsoleSettings(is_https=True, local_key="k")), base_url="https://localhost", follow_redirects=False) as client:
+    with TestClient(
+        create_app(farm, ConsoleSettings(is_https=True, local_key="k")), base_url="https://localhost", follow_redirects=False
+    ) as client:
         answer = client.get("/enter", params={"key": "k"})
         assert answer.headers["set-cookie"].startswith("__Host-etendue=")
         assert "Secure" in answer.headers["set-cookie"]
@@ -132,7 +134,13 @@ def test_jobs_are_steered(browser: Make) -> None:
 def test_pictures_and_files(farm: Farm, runner: Runner, browser: Make, tmp_path: Path) -> None:
     ada = browser("ada")
     package = ada.upload(packed(scene_pov=SPIN).read()).json()["id"]
-    order = {"package": package, "frames": "1-3", "settings": {"width": 63, "height": 41, "spp": 2}, "formats": ["exr", "png"], "aovs": ["normal"]}
+    order = {
+        "package": package,
+        "frames": "1-3",
+        "settings": {"width": 63, "height": 41, "spp": 2},
+        "formats": ["exr", "png"],
+        "aovs": ["normal"],
+    }
     job = ada.post("/jobs", json=order).json()
     number = job["id"]
     assert ada.get(f"/jobs/{number}/frames/1/layers").json() == {"layers": []}

@@ -194,7 +194,9 @@ def test_scripts_in_names_stay_text(farm: Farm, browser: Make) -> None:
     assert ada.post("/jobs", content=b'{"package": "' + b"0" * 64 + b'", "name": "\\ud800"}').status_code == 422
 
 
-@pytest.mark.parametrize("text", ["' OR '1'='1", "'; DROP TABLE jobs; --", '" OR ""="', "%", "_", "\\", "%27%20OR%201=1", "a' UNION SELECT 1 --"])
+@pytest.mark.parametrize(
+    "text", ["' OR '1'='1", "'; DROP TABLE jobs; --", '" OR ""="', "%", "_", "\\", "%27%20OR%201=1", "a' UNION SELECT 1 --"]
+)
 def test_sql_in_filters(browser: Make, text: str) -> None:
     ada = browser("ada")
     ada.submit(name="ball")
