@@ -21,6 +21,8 @@ import tempfile
 import time
 from pathlib import Path
 
+os.environ.setdefault("RAY_raylet_start_wait_time_s", "180")
+
 import ray
 from sqlalchemy import func, insert, select
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+os.environ.setdefault("RAY_raylet_start_wait_time_s", "180")
 pytest.importorskip("ray", reason="Ray is not installed: pip install 'etendue[farm]'")
 
 from sqlalchemy import select
