@@ -218,7 +218,7 @@ export async function jobPage(main, app, id) {
   const grid = h("ol", { class: "grid", id: "frames" });
   const gridFoot = h("div", { class: "foot" });
   const cards = new Rows(grid, (f) => {
-    const image = h("img", { alt: "", loading: "lazy", width: "160", height: "90", hidden: true });
+    const image = h("img", { alt: "", width: "160", height: "90", hidden: true });
     image.addEventListener("load", () => (image.hidden = false));
     const mark = h("span", { class: "mark" });
     const meter = h("progress", { max: "1", "aria-label": `Progress of frame ${f.number}` });
