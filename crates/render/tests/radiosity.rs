@@ -236,7 +236,7 @@ fn an_integrating_sphere_is_evenly_lit_by_a_small_light() {
 /// A closed room of unlike walls with a light under the ceiling and a block on the floor; two-sided materials.
 fn room() -> SceneDesc {
     let mut desc = scene();
-    let mut wall = |desc: &mut SceneDesc, m: Mat4, rgb: [f32; 3]| {
+    let wall = |desc: &mut SceneDesc, m: Mat4, rgb: [f32; 3]| {
         let front = add(desc, BsdfDesc::Diffuse { reflectance: Color::Constant(rgb), alpha: None });
         let both = add(desc, BsdfDesc::TwoSided { front, back: front });
         shape(desc, GeometryDesc::Rectangle, m, Some(both));

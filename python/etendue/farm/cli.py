@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import secrets
 import signal
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 import etendue
 from etendue.farm import collect, runner
@@ -59,20 +60,46 @@ def _up(args: argparse.Namespace) -> int:
     with _farm(args) as (farm, _):
         _check_free(farm)
         backend = runner.ray_backend(farm, args.address, args.cores)
-        with runner.running(farm, backend) as scheduler:
+        with _terminated(), runner.running(farm, backend) as scheduler, _console(args, farm):
             _say(f"The farm is up: {farm.root}. Ctrl-C stops it; jobs go on with the next `etendue farm up`.")
-            with contextlib.suppress(KeyboardInterrupt), _terminated():
+            with contextlib.suppress(KeyboardInterrupt):
                 while scheduler.thread is not None and scheduler.thread.is_alive():
                     scheduler.thread.join(0.5)
     return 0
 
 
 @contextlib.contextmanager
-def _terminated() -> Iterator[None]:
-    """Let SIGTERM, as from service managers, end the farm as Ctrl-C does."""
+def _console(args: argparse.Namespace, farm: Farm) -> Iterator[None]:
+    """Serve the console, and print the address that lets its reader in as `local`."""
+    if args.no_console:
+        yield
+        return
+    try:
+        from etendue.console import serve
+        from etendue.console.settings import ConsoleSettings
+    except ModuleNotFoundError as e:
+        raise FarmError(f'the console needs the Python package `{e.name}`: pip install "etendue[console]", or --no-console') from e
+    is_local = args.host in ("127.0.0.1", "localhost", "::1")
+    # The key is for who sits at this machine. Who comes from elsewhere has a name and a password.
+    key = secrets.token_urlsafe(24) if is_local and not args.host_name else None
+    hosts = [*ConsoleSettings().hosts, args.host, *args.host_name] if is_local or args.host_name else ["*"]
+    settings = ConsoleSettings(hosts=hosts, is_https=args.https, local_key=key)
+    port = serve.DEFAULT_PORT if args.port is None else args.port
+    with serve.running(farm, settings, args.host, port, args.proxies) as address:
+        _say(f"The console is at {address}/enter?key={key}" if key else f"The console is at {address}")
+        yield
 
-    def stop(_number: int, _frame: object) -> NoReturn:
-        raise KeyboardInterrupt
+
+@contextlib.contextmanager
+def _terminated() -> Iterator[None]:
+    """Let SIGTERM, as from service managers, end the farm as Ctrl-C does. Once: a second one does not disturb the end."""
+    told = False
+
+    def stop(_number: int, _frame: object) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, stop)
     try:
@@ -434,6 +461,12 @@ def _parser() -> argparse.ArgumentParser:
 
     up = command("up", _up, "run the farm on this machine, or on a Ray cluster, until Ctrl-C")
     _add_cluster(up)
+    up.add_argument("--host", default="127.0.0.1", help="address at which the console listens [default: 127.0.0.1, this machine alone]")
+    up.add_argument("--port", type=int, help="port of the console; 0 takes a free one [default: 8640]")
+    up.add_argument("--host-name", action="append", default=[], metavar="NAME", help="host name under which browsers reach the console")
+    up.add_argument("--https", action="store_true", help="a proxy in front of the console speaks TLS")
+    up.add_argument("--proxies", default="", metavar="ADDRESSES", help="proxies that may tell a client's address, with commas between")
+    up.add_argument("--no-console", action="store_true", help="run the scheduler alone")
     _add_submit(command("submit", _submit, "order a picture or an animation"))
     status = command("status", _status, "show the farm and its jobs, or one job with its frames")
     status.add_argument("job", type=int, nargs="?", help="number of a job")

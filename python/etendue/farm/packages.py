@@ -17,6 +17,7 @@ import stat
 import tempfile
 import unicodedata
 import zipfile
+import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -106,7 +107,7 @@ def unpack_zip(source: Path | IO[bytes], target: Path, limits: Limits) -> list[s
                 left -= written
                 paths.append(path)
             return paths
-    except (zipfile.BadZipFile, EOFError, NotImplementedError, UnicodeDecodeError) as e:
+    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, UnicodeDecodeError) as e:
         raise PackageError(f"the package is no zip file that can be read: {e}") from e
     except (FileExistsError, NotADirectoryError) as e:
         raise PackageError("the package has two files of one name") from e
@@ -128,6 +129,8 @@ def _check_entries(entries: list[zipfile.ZipInfo], limits: Limits) -> None:
         mode = entry.external_attr >> 16
         if mode and stat.S_IFMT(mode) not in (0, stat.S_IFREG):
             raise PackageError(f"the package has a link or device: {entry.filename[:120]!a}")
+        if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise PackageError("the package is compressed in a way that is not usual for zip files")
         if entry.flag_bits & 0x1:
             raise PackageError("the package is encrypted")
         # Systems that do not tell capital from small letters would mix these up.

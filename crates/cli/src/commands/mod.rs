@@ -7,6 +7,7 @@ pub mod convert;
 pub mod denoise;
 pub mod form_factors;
 pub mod info;
+pub mod light;
 pub mod merge;
 pub mod photons;
 pub mod pov;

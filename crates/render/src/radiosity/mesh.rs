@@ -329,7 +329,7 @@ mod tests {
         let c = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(2.0, -0.5, 1.0), Vec3::new(0.4, 3.0, -1.0)];
         for k in 0..200u32 {
             let u = crate::math::Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
-            let b = crate::math::warp::triangle(u);
+            let b = warp::triangle(u);
             let b = Vec3::new(1.0 - b.x - b.y, b.x, b.y);
             let p = c[0] * b.x + c[1] * b.y + c[2] * b.z;
             let (i, w) = descend_once(b);

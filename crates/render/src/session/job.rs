@@ -112,7 +112,7 @@ impl Plan {
         let integrator = settings
             .integrator
             .clone()
-            .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
+            .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
         Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
     }
 }
@@ -173,8 +173,9 @@ fn filter(desc: FilterDesc) -> Filter {
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
     // A wrong name is told before any work is done.
-    method(desc, settings, plan)?;
-    let scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    let hides_lights = method(desc, settings, plan)?.hides_lights();
+    let mut scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    scene.hide_lights |= hides_lights;
     prepare_compiled(desc, settings, plan, aovs, Arc::new(scene))
 }
 
@@ -227,6 +228,10 @@ pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Resul
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
     if plan.antialias.is_some() && integrator.shares_camera_samples() {
         return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    }
+    if plan.antialias.is_some() && integrator.splats() {
+        let message = "brings light to all pixels with every sample, so that `antialias`, which leaves samples out, does not go with it";
+        return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
     }
     Ok(integrator)
 }

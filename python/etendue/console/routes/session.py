@@ -8,7 +8,7 @@ from fastapi import APIRouter, Path, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
 from etendue.console import auth
-from etendue.console.auth import TheFarm, UnauthorizedError, Who, console_of
+from etendue.console.auth import TheFarm, Who, console_of
 from etendue.console.routes.parameters import Name, Password, refusals
 from etendue.farm.accounts import SignedIn
 from etendue.farm.errors import ForbiddenError
@@ -116,12 +116,10 @@ def sign_in(request: Request, response: Response, given: Credentials) -> Session
 
 
 @router.get("/session", responses=refusals())
-def session(request: Request) -> Session:
-    """Tell who is signed in."""
+def session(request: Request) -> Session | None:
+    """Tell who is signed in; null for nobody."""
     found = auth.session_of(request)
-    if found is None:
-        raise UnauthorizedError("sign in first")
-    return _session(found)
+    return _session(found) if found is not None else None
 
 
 @router.delete("/session", status_code=204, responses=refusals(403))
@@ -188,5 +186,7 @@ def update_user(who: Who, farm: TheFarm, name: UserName, given: UserChange) -> U
     if name == who.name and given.password is not None:
         raise ForbiddenError("change your own password with the old one, at /me/password")
     values: dict[str, Any] = {key: getattr(given, key) for key in ("password", "role", "is_active", "share")}
-    quotas: dict[str, float | None] = {key: getattr(given, key) for key in ("max_jobs", "max_bytes", "max_core_secs") if key in given.model_fields_set}
+    quotas: dict[str, float | None] = {
+        key: getattr(given, key) for key in ("max_jobs", "max_bytes", "max_core_secs") if key in given.model_fields_set
+    }
     return farm.accounts.update(who, name, **values, quotas=quotas or None)

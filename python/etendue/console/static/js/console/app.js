@@ -7,7 +7,7 @@ import { costPage, logPage, nodesPage } from "./farm.js";
 import { jobPage } from "./job.js";
 import { jobsPage } from "./jobs.js";
 import { submitPage } from "./submit.js";
-import { ask, attempt, toast } from "./ui.js";
+import { ask, attempt, sentence, toast } from "./ui.js";
 
 const PAGES = [
   [/^\/$/, "Jobs", jobsPage],
@@ -105,7 +105,7 @@ function signInPage(main) {
       if (location.pathname === "/sign-in") history.replaceState(null, "", "/");
       await show();
     } catch (error) {
-      fault.textContent = error.message[0].toUpperCase() + error.message.slice(1);
+      fault.textContent = sentence(error.message);
       fault.hidden = false;
       password.value = "";
       password.focus();
@@ -214,7 +214,7 @@ setInterval(() => !document.hidden && tellStatus(), 4000);
 
 try {
   enter(await get("/session"));
-} catch {
-  // Nobody is signed in.
+} catch (e) {
+  toast(e.message, { isError: true });
 }
 show();

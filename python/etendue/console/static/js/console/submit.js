@@ -2,7 +2,7 @@
 
 import { bytes, h } from "../dom.js";
 import { get, post, upload } from "./api.js";
-import { attempt, check, field, lossReport, toast } from "./ui.js";
+import { attempt, check, field, lossReport, sentence, toast } from "./ui.js";
 
 const SCENES = /\.(xml|pov|pbrt|gltf|glb|obj|ply|stl)$/i;
 const FORMATS = ["exr", "png", "jpg", "hdr", "pfm", "film"];
@@ -39,7 +39,7 @@ export async function submitPage(main, app) {
       listPackages();
     } catch (e) {
       told.textContent = "A zip with the scene and its files, or a single scene file.";
-      fault.textContent = e.message[0].toUpperCase() + e.message.slice(1);
+      fault.textContent = sentence(e.message);
       fault.hidden = false;
     } finally {
       meter.hidden = true;

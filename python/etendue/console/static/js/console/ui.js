@@ -32,10 +32,13 @@ export function bar(share, state, label) {
   return progress;
 }
 
+/** A sentence of the server with a capital, unless it begins with a file's name. */
+export const sentence = (text) => (/^[a-z]+ /.test(text) ? text[0].toUpperCase() + text.slice(1) : text);
+
 /** A message that goes away by itself; errors stay longer. */
 export function toast(text, { isError = false } = {}) {
   const close = h("button", { type: "button", class: "quiet", "aria-label": "Close", onclick: () => box.remove() }, "✕");
-  const box = h("div", { class: `toast${isError ? " error" : ""}`, role: isError ? "alert" : null }, h("p", {}, text), close);
+  const box = h("div", { class: `toast${isError ? " error" : ""}`, role: isError ? "alert" : null }, h("p", {}, sentence(text)), close);
   $("#toasts").append(box);
   setTimeout(() => box.remove(), isError ? 12000 : 4000);
 }
