@@ -16,7 +16,8 @@ The same seed gives the same picture, bit for bit, with any number of threads.
 from etendue._errors import Error, Fault, ImageError, SceneError, SettingError, UnsupportedError
 from etendue._etendue import Status, __version__
 from etendue._images import compare, flip_map, read_image, read_layers, tonemap, write_image
-from etendue._scene import Loss, Parameter, Scene, load, load_dict, load_string, parameters
+from etendue._scene import Loss, Parameter, Scene, View, load, load_dict, load_string, parameters
+from etendue._study import study
 from etendue._transform import Transform
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Status",
     "Transform",
     "UnsupportedError",
+    "View",
     "__version__",
     "compare",
     "flip_map",
@@ -40,6 +42,7 @@ __all__ = [
     "parameters",
     "read_image",
     "read_layers",
+    "study",
     "tonemap",
     "write_image",
 ]

@@ -37,6 +37,9 @@ class Scene:
     def info(self) -> dict[str, Any]: ...
     def losses(self) -> list[tuple[str, int | None, int | None, str, str]]: ...
     def warnings(self) -> list[tuple[str, int | None, int | None, str, str]]: ...
+    def prepare(
+        self, settings: Mapping[str, object], crop: Sequence[int] | None, threads: int, aovs: Sequence[str], fixed_spp: bool
+    ) -> Prepared: ...
     def render(
         self,
         settings: Mapping[str, object],
@@ -47,14 +50,39 @@ class Scene:
         threads: int,
         aovs: Sequence[str],
         progress: Callable[[Status], object] | None,
+        preview: Callable[[_Layers, Status], object] | None,
     ) -> _Layers: ...
+    def view(self, camera: str | None) -> tuple[list[list[float]], float]: ...
+    def with_view(self, world_from_camera: Sequence[Sequence[float]], zoom: float) -> Scene: ...
 
+@final
+class Prepared:
+    """A compiled scene with its settings, from which parts of the picture are rendered one after the other."""
+
+    width: int
+    height: int
+    crop: tuple[int, int, int, int]
+    spp: int
+    is_adaptive: bool
+    splats: bool
+    integrator: str
+    scene_hash: str
+    warnings: list[str]
+    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
+
+def film_merge(films: Sequence[bytes]) -> bytes: ...
+def film_info(films: Sequence[bytes]) -> dict[str, Any]: ...
+def film_layers(films: Sequence[bytes], variance: bool, samples: bool) -> _Layers: ...
+def film_picture(
+    films: Sequence[bytes], path: str | os.PathLike[str], operator: str, exposure: float, variance: bool, samples: bool
+) -> None: ...
 def load(
     path: str | os.PathLike[str],
     search_paths: Sequence[str | os.PathLike[str]],
     defines: Mapping[str, str],
     variant: str | None,
     scene: str | None,
+    moment: tuple[float, int, int, tuple[int | None, int | None]] | None,
 ) -> Scene: ...
 def load_string(
     text: str,

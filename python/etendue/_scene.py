@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple, overload
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from etendue import _etendue
 from etendue._errors import Fault, SettingError
@@ -51,6 +51,15 @@ class Parameter(NamedTuple):
     """What it does, in a sentence."""
 
 
+class View(NamedTuple):
+    """Where a camera stands."""
+
+    world_from_camera: NDArray[np.float64]
+    """Shape (4, 4): places the camera in the world. Its own space has +x right, +y up and looks along −z."""
+    zoom: float
+    """How many times larger things appear than with the file's angle of view."""
+
+
 def parameters() -> list[Parameter]:
     """Return every setting that `Scene.render` takes beside its own keywords."""
     return [Parameter(*row) for row in _etendue.parameters()]
@@ -88,6 +97,37 @@ class Scene:
         """What looks wrong in the file but does not prevent rendering."""
         return [Fault(*row) for row in self._scene.warnings()]
 
+    def view(self, camera: str | None = None) -> View:
+        """Return where the camera stands.
+
+        Args:
+            camera: Name or number of one of the file's cameras; the first where None.
+
+        Raises:
+            SceneError: There is no such camera.
+        """
+        rows, zoom = self._scene.view(camera)
+        return View(np.array(rows, dtype=np.float64), zoom)
+
+    def with_view(self, world_from_camera: ArrayLike, zoom: float = 1.0) -> Scene:
+        """Return the same scene, seen from elsewhere.
+
+        The new scene shares all it holds with this one; a rendering takes over what the one before it has compiled.
+
+        Args:
+            world_from_camera: Shape (4, 4): places the camera in the world. Its own space has +x right, +y up and looks
+                along −z. For POV-Ray scenes, whose space is left-handed, so are the axes.
+            zoom: How many times larger things appear than with the file's angle of view, above 0. Perspective and
+                parallel projections heed it.
+
+        Raises:
+            SettingError: The matrix is flat or has infinite numbers, or the zoom is not above 0.
+        """
+        matrix = np.asarray(world_from_camera, dtype=np.float64)
+        if matrix.shape != (4, 4):
+            raise SettingError(f"`world_from_camera` has shape {matrix.shape}, not (4, 4)")
+        return Scene(self._scene.with_view(matrix.tolist(), float(zoom)))
+
     @overload
     def render(
         self,
@@ -98,6 +138,7 @@ class Scene:
         noise: float | None = None,
         threads: int = 0,
         progress: Callable[[_etendue.Status], object] | None = None,
+        preview: Callable[[dict[str, Array], _etendue.Status], object] | None = None,
         **settings: Unpack[RenderSettings],
     ) -> Array: ...
 
@@ -111,6 +152,7 @@ class Scene:
         noise: float | None = None,
         threads: int = 0,
         progress: Callable[[_etendue.Status], object] | None = None,
+        preview: Callable[[dict[str, Array], _etendue.Status], object] | None = None,
         **settings: Unpack[RenderSettings],
     ) -> dict[str, Array]: ...
 
@@ -123,6 +165,7 @@ class Scene:
         noise: float | None = None,
         threads: int = 0,
         progress: Callable[[_etendue.Status], object] | None = None,
+        preview: Callable[[dict[str, Array], _etendue.Status], object] | None = None,
         **settings: Unpack[RenderSettings],
     ) -> Array | dict[str, Array]:
         """Render a picture. Other Python threads run meanwhile, and Ctrl-C raises KeyboardInterrupt.
@@ -140,6 +183,8 @@ class Scene:
             threads: Threads; 0 takes one for each core. The picture does not depend on it.
             progress: Called with a `Status` about 20 times a second, in the calling thread. Where it returns False, the
                 rendering stops and what is done is returned. What it raises stops the rendering and is passed on.
+            preview: Called with the layers as they are, by name, and a `Status`: after passes over the picture, as often as it
+                comes to them, in the calling thread. What it raises stops the rendering and is passed on.
             **settings: Every setting of the renderer, such as `spp=64`, `integrator="path"`, `seed=1`,
                 `width=640`, `max_depth=5`; `parameters()` lists them. None leaves the choice to the file, then to the renderer.
 
@@ -167,6 +212,7 @@ class Scene:
             threads=threads,
             aovs=list(aovs or ()),
             progress=progress,
+            preview=preview,
         )
         return layers["rgb"] if aovs is None else layers
 
@@ -179,7 +225,7 @@ def load(
     *,
     scene: str | None = None,
 ) -> Scene:
-    """Read a scene file: Mitsuba 3 and older (.xml), glTF (.gltf, .glb), .obj, .ply, .stl.
+    """Read a scene file: Mitsuba 3 and older (.xml), POV-Ray (.pov), pbrt-v4 (.pbrt), glTF (.gltf, .glb), .obj, .ply, .stl.
 
     Args:
         path: The file.
@@ -196,7 +242,7 @@ def load(
         SceneError: The scene has faults; all of them with their places.
         UnsupportedError: The format is not read.
     """
-    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene))
+    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene, None))
 
 
 def load_string(

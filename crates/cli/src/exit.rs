@@ -43,6 +43,7 @@ pub fn coded(code: u8, message: impl fmt::Display) -> anyhow::Error {
 pub fn code_of(error: &anyhow::Error) -> u8 {
     use etendue_render::film::file::FilmFileError;
     use etendue_render::image::ImageError;
+    use etendue_render::photon::file::PhotonFileError;
     use etendue_scene::ReadError;
     for cause in error.chain() {
         if let Some(c) = cause.downcast_ref::<Coded>() {
@@ -63,6 +64,11 @@ pub fn code_of(error: &anyhow::Error) -> u8 {
             Some(FilmFileError::Io(_)) => return IO,
             Some(FilmFileError::Film(_)) | None => {}
             Some(_) => return INVALID,
+        }
+        match cause.downcast_ref::<PhotonFileError>() {
+            Some(PhotonFileError::Io(_)) => return IO,
+            Some(_) => return INVALID,
+            None => {}
         }
         if cause.is::<std::io::Error>() {
             return IO;

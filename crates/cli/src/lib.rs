@@ -3,6 +3,7 @@
 //! [`main`] parses arguments, runs the command and turns its result into an exit code. It is a library so that the
 //! Python package can offer the same command.
 
+mod clock;
 pub mod commands;
 pub mod exit;
 pub mod progress;
@@ -30,6 +31,8 @@ enum Command {
     Pov(commands::pov::Args),
     /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
     Light(Box<commands::light::Args>),
+    /// Bake a scene's light into textures or vertices, as glTF.
+    Bake(Box<commands::bake::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
     /// Convert a scene to another format.
@@ -38,10 +41,18 @@ enum Command {
     Bench(commands::bench::Args),
     /// Compare a picture with a reference: relMSE, FLIP, SSIM and others, thresholds, a heat map.
     Compare(commands::compare::Args),
+    /// Render a scene by every method and report their errors over time.
+    Study(Box<commands::study::Args>),
     /// Add up films of different samples of one picture, exactly.
     Merge(commands::merge::Args),
+    /// Trace photons of a scene into a file that serves many views; merge such files.
+    Photons(commands::photons::Args),
     /// Remove noise from a picture with Intel Open Image Denoise, where it is installed.
     Denoise(commands::denoise::Args),
+    /// Render on many machines: up, submit, status, wait, fetch and more (needs the Python package).
+    Farm(commands::python::Args),
+    /// Look at a scene in the browser while it renders (needs the Python package).
+    View(commands::python::Args),
 }
 
 /// Runs the command line and returns the process's exit code ([`exit`]).
@@ -59,12 +70,17 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
         Command::Light(args) => commands::light::run(*args),
+        Command::Bake(args) => commands::bake::run(*args),
         Command::Info(args) => commands::info::run(args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),
+        Command::Study(args) => commands::study::run(*args),
         Command::Merge(args) => commands::merge::run(args),
+        Command::Photons(args) => commands::photons::run(args),
         Command::Denoise(args) => commands::denoise::run(args),
+        Command::Farm(_) => commands::python::refuse("farm", "farm"),
+        Command::View(_) => commands::python::refuse("view", "console"),
     };
     result.unwrap_or_else(|e| {
         commands::note(&format!("etendue: error: {}", with_causes(&e)));

@@ -5,11 +5,14 @@
 
 mod background;
 mod command;
+mod compiled;
 mod dict;
 mod errors;
+mod films;
 mod images;
 mod info;
 mod layers;
+mod parts;
 mod places;
 mod render;
 mod scene;
@@ -22,7 +25,11 @@ mod _etendue {
     #[pymodule_export]
     use super::command::cli_main;
     #[pymodule_export]
+    use super::films::{film_info, film_layers, film_merge, film_picture};
+    #[pymodule_export]
     use super::images::{compare, flip_map, read_layers, tonemap, write_layers};
+    #[pymodule_export]
+    use super::parts::Prepared;
     #[pymodule_export]
     use super::render::Status;
     #[pymodule_export]

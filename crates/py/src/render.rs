@@ -3,13 +3,15 @@
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use etendue_render::film::DevelopOptions;
+use etendue_render::film::{DevelopOptions, Film};
+use etendue_render::image::Image;
 use etendue_render::session::job::{self, JobError, Plan};
 use etendue_render::session::{self, Aov, Cancel, Observer, Stop};
-use etendue_scene::{RenderSettings, SceneDesc};
+use etendue_scene::RenderSettings;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 
+use crate::compiled::Source;
 use crate::places::Places;
 use crate::{background, errors, layers};
 
@@ -45,23 +47,43 @@ impl From<session::Status> for Status {
 
 /// Keeps the newest status for the thread that tells Python of it, and the error from then on.
 #[derive(Default)]
-struct Latest(Mutex<Option<session::Status>>, Mutex<Option<f64>>);
+struct Latest {
+    status: Mutex<Option<session::Status>>,
+    error: Mutex<Option<f64>>,
+    /// What of the film is wanted after passes; `None`: nothing.
+    wanted: Option<DevelopOptions>,
+    /// The picture of the newest pass, and how far the session was.
+    preview: Mutex<Option<(Image, session::Status)>>,
+}
 
 impl Latest {
     fn take(&self) -> Option<session::Status> {
-        let mut status = self.0.lock().unwrap_or_else(PoisonError::into_inner).take()?;
-        let mut error = self.1.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut status = self.status.lock().unwrap_or_else(PoisonError::into_inner).take()?;
+        let mut error = self.error.lock().unwrap_or_else(PoisonError::into_inner);
         *error = status.relative_error.or(*error);
         status.relative_error = error.filter(|e| e.is_finite());
         Some(status)
+    }
+
+    fn take_preview(&self) -> Option<(Image, session::Status)> {
+        self.preview.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 }
 
 impl Observer for Latest {
     fn status(&self, status: &session::Status) {
-        let mut latest = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut latest = self.status.lock().unwrap_or_else(PoisonError::into_inner);
         let relative_error = status.relative_error.or(latest.and_then(|s| s.relative_error));
         *latest = Some(session::Status { relative_error, ..*status });
+    }
+
+    fn pass(&self, film: &Film, status: &session::Status) {
+        let Some(options) = self.wanted else { return };
+        let mut preview = self.preview.lock().unwrap_or_else(PoisonError::into_inner);
+        // One picture waits at a time: Python takes them as fast as it can, and never faster than they are made.
+        if preview.is_none() {
+            *preview = Some((film.develop_with(options), *status));
+        }
     }
 }
 
@@ -74,14 +96,16 @@ pub struct RenderArgs<'py> {
     pub threads: usize,
     pub aovs: Vec<String>,
     pub progress: Option<Bound<'py, PyAny>>,
+    pub preview: Option<Bound<'py, PyAny>>,
 }
 
 /// Renders and returns the picture's layers by name.
 ///
 /// # Errors
 /// `SettingError`, `SceneError`, and what the progress callback or a signal handler raises.
-pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args: RenderArgs<'py>) -> PyResult<Bound<'py, PyDict>> {
-    let RenderArgs { settings, crop, time, noise, threads, aovs, progress } = args;
+pub fn render<'py>(py: Python<'py>, source: &Source, places: &Places, args: RenderArgs<'py>) -> PyResult<Bound<'py, PyDict>> {
+    let desc = &source.desc;
+    let RenderArgs { settings, crop, time, noise, threads, aovs, progress, preview } = args;
     let job_error = |e: JobError| errors::job_error(py, &e, &desc.files, places);
     let (aovs, develop) = parse_aovs(py, &aovs)?;
     let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
@@ -91,11 +115,13 @@ pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
     let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
-    let (worker, pool_desc) = (Arc::clone(&pool), Arc::clone(desc));
-    let prepare = move || worker.install(|| job::prepare(&pool_desc, &settings, &plan, &aovs));
-    let mut session = background::run(py, None, prepare, |_| Ok(()))?.map_err(job_error)?;
+    let (worker, worker_source) = (Arc::clone(&pool), source.clone());
+    let key = job::compile_key(&settings);
+    let prepare = move || worker.install(|| worker_source.prepare(&settings, &plan, &aovs));
+    let (mut session, scene) = background::run(py, None, prepare, |_| Ok(()))?.map_err(job_error)?;
 
-    let (cancel, latest) = (Cancel::default(), Arc::new(Latest::default()));
+    let wanted = preview.is_some().then_some(develop);
+    let (cancel, latest) = (Cancel::default(), Arc::new(Latest { wanted, ..Latest::default() }));
     let tell = |status: session::Status| -> PyResult<()> {
         let Some(progress) = &progress else { return Ok(()) };
         let answer = progress.call1((Status::from(status),))?;
@@ -110,10 +136,25 @@ pub fn render<'py>(py: Python<'py>, desc: &Arc<SceneDesc>, places: &Places, args
         let result = pool.install(|| session.render(&stop, &worker_cancel, &*worker_latest));
         (session, result)
     };
-    let (session, result) = background::run(py, Some(&cancel), work, |_| latest.take().map_or(Ok(()), tell))?;
+    let show = |py: Python<'_>| -> PyResult<()> {
+        if let (Some(preview), Some((image, status))) = (&preview, latest.take_preview()) {
+            preview.call1((layers::to_python(py, &image)?, Status::from(status)))?;
+        }
+        Ok(())
+    };
+    let (session, result) = background::run(py, Some(&cancel), work, |py| {
+        latest.take().map_or(Ok(()), tell)?;
+        show(py)
+    })?;
     result.map_err(|e| errors::error(py, "Error", e.to_string()))?;
     latest.take().map_or(Ok(()), tell)?;
-    let image = py.detach(|| session.film().develop_with(develop));
+    let image = py.detach(|| {
+        let image = session.film().develop_with(develop);
+        // The scene belongs to its store again.
+        drop(session);
+        source.compiled.keep(key, scene);
+        image
+    });
     layers::to_python(py, &image)
 }
 

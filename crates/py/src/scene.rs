@@ -4,11 +4,16 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use etendue_cli::scene_args::SceneArgs;
+use etendue_render::scene::View;
 use etendue_scene::formats::{self, ReadOptions, mitsuba};
-use etendue_scene::{ReadError, SceneDesc, Severity, passes, validate};
+use etendue_scene::{ReadError, RenderSettings, SceneDesc, Severity, passes, validate};
+use glam::DMat4;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::compiled::{Compiled, Source};
+use crate::parts::Prepared;
 use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
@@ -23,6 +28,8 @@ type FaultRow = (String, Option<u32>, Option<u32>, &'static str, String);
 pub struct Scene {
     desc: Arc<SceneDesc>,
     places: Arc<Places>,
+    view: Option<View>,
+    compiled: Arc<Compiled>,
 }
 
 #[pymethods]
@@ -54,8 +61,42 @@ impl Scene {
             .collect()
     }
 
+    /// Where the camera stands: four rows of `world_from_camera` (+x right, +y up, looking along −z), and the zoom.
+    fn view(&self, py: Python<'_>, camera: Option<String>) -> PyResult<([[f64; 4]; 4], f64)> {
+        let settings = RenderSettings { camera, ..RenderSettings::default() };
+        let view = match self.view {
+            Some(view) => view,
+            None => View::of(&self.desc, &settings).map_err(|faults| errors::scene_error(py, &faults, &self.desc.files, &self.places))?,
+        };
+        Ok((view.world_from_camera.transpose().to_cols_array_2d(), view.zoom))
+    }
+
+    /// The same scene with its camera elsewhere.
+    fn with_view(&self, py: Python<'_>, world_from_camera: [[f64; 4]; 4], zoom: f64) -> PyResult<Self> {
+        let matrix = DMat4::from_cols_array_2d(&world_from_camera).transpose();
+        let refused = || errors::error(py, "SettingError", "the camera's matrix is flat or not finite, or the zoom not above 0".to_owned());
+        let view = View::new(matrix, zoom).ok_or_else(refused)?;
+        Ok(Self { desc: Arc::clone(&self.desc), places: Arc::clone(&self.places), view: Some(view), compiled: Arc::clone(&self.compiled) })
+    }
+
+    /// Compiles the scene for a farm's worker; see `etendue.Scene.prepare`.
+    fn prepare(
+        &self,
+        py: Python<'_>,
+        settings: &Bound<'_, PyDict>,
+        crop: Option<[u32; 4]>,
+        threads: usize,
+        aovs: Vec<String>,
+        fixed_spp: bool,
+    ) -> PyResult<Prepared> {
+        if self.view.is_some() {
+            return Err(errors::error(py, "SettingError", "a scene with a moved camera cannot be prepared for a farm".to_owned()));
+        }
+        Prepared::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, crop, threads, &aovs, fixed_spp)
+    }
+
     /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.
-    #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress))]
+    #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress, preview))]
     #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
     fn render<'py>(
         &self,
@@ -67,9 +108,12 @@ impl Scene {
         threads: usize,
         aovs: Vec<String>,
         progress: Option<Bound<'py, PyAny>>,
+        preview: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
-        let args = RenderArgs { settings: crate::settings::from_keywords(settings)?, crop, time, noise, threads, aovs, progress };
-        render::render(py, &self.desc, &self.places, args)
+        let settings = crate::settings::from_keywords(settings)?;
+        let args = RenderArgs { settings, crop, time, noise, threads, aovs, progress, preview };
+        let source = Source { desc: Arc::clone(&self.desc), view: self.view, compiled: Arc::clone(&self.compiled) };
+        render::render(py, &source, &self.places, args)
     }
 }
 
@@ -83,7 +127,7 @@ fn options(search_paths: Vec<PathBuf>, defines: BTreeMap<String, String>, varian
 /// Reads in the background and wraps the result.
 fn read(py: Python<'_>, places: Places, work: impl FnOnce() -> Result<SceneDesc, ReadError> + Send + 'static) -> PyResult<Scene> {
     let desc = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::read_error(py, &e, &places))?;
-    Ok(Scene { desc: Arc::new(desc), places: Arc::new(places) })
+    Ok(Scene { desc: Arc::new(desc), places: Arc::new(places), view: None, compiled: Arc::default() })
 }
 
 /// What [`formats::read`] does after the reader itself.
@@ -91,10 +135,19 @@ fn finish(mut desc: SceneDesc) -> Result<SceneDesc, ReadError> {
     passes::load_meshes(&mut desc)?;
     passes::complete(&mut desc);
     validate::validate(&mut desc)?;
-    Ok(desc)
+    Ok(with_losses(desc))
 }
 
-/// Reads a scene file of any format.
+/// Adds what the renderer does not honor to the report, as the command line does.
+fn with_losses(mut desc: SceneDesc) -> SceneDesc {
+    desc.report.losses.extend(etendue_render::scene::losses(&desc));
+    desc
+}
+
+/// Clock, number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
+type Moment = (f64, i32, i32, [Option<u32>; 2]);
+
+/// Reads a scene file of any format, as the command line does.
 #[pyfunction]
 pub fn load(
     py: Python<'_>,
@@ -103,9 +156,16 @@ pub fn load(
     defines: BTreeMap<String, String>,
     variant: Option<String>,
     scene: Option<String>,
+    moment: Option<Moment>,
 ) -> PyResult<Scene> {
-    let options = options(search_paths, defines, variant, scene);
-    read(py, Places::default(), move || formats::read(&path, &options))
+    let Some((clock, frame, frames, size)) = moment else {
+        let options = options(search_paths, defines, variant, scene);
+        return read(py, Places::default(), move || formats::read(&path, &options).map(with_losses));
+    };
+    let defines = defines.into_iter().collect();
+    let script_output = None;
+    let args = SceneArgs { scene: path, search_paths, defines, variant, gltf_scene: scene, clock, frame, frames, script_output, pov: None };
+    read(py, Places::default(), move || args.read(size))
 }
 
 /// Reads a Mitsuba scene from its XML text; names of files start in `folder`.

@@ -17,6 +17,8 @@ pub mod lightmap;
 pub mod material;
 pub mod math;
 pub mod medium;
+pub mod photon;
+pub mod radiosity;
 pub mod raster;
 pub mod sampler;
 pub mod scene;

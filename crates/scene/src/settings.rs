@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// How light is computed: path, direct, whitted, raster, illuminance, ao, normals.
+        /// How light is computed: path, direct, particles, photon, sppm, radiosity, raster, illuminance, whitted, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -43,10 +43,36 @@ params! {
         envmap: Option<String> = None, "name", "";
         /// How captured environment maps mend that all their rays start in one point: none, box.
         envmap_correction: Option<String> = None, "name", "";
+        /// How radiosity is solved: hierarchical, progressive, matrix.
+        radiosity_method: Option<String> = None, "name", "";
+        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given.
+        radiosity_error: Option<f32> = None, "number", "";
+        /// Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given.
+        radiosity_elements: Option<u32> = None, "integer", "elements";
+        /// Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given.
+        radiosity_links: Option<u32> = None, "integer", "links";
+        /// How progressive and matrix radiosity find form factors: rays, hemicube.
+        radiosity_form_factors: Option<String> = None, "name", "";
+        /// How matrix radiosity solves its system: gauss-seidel, jacobi, direct.
+        radiosity_solver: Option<String> = None, "name", "";
+        /// Rays of a final gather from each sample; 0 shows the radiosity solution itself.
+        radiosity_gather: Option<u32> = None, "integer", "rays";
+        /// How the radiosity solution is drawn without gathering: smooth, elements, mesh.
+        radiosity_display: Option<String> = None, "name", "";
         /// Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files.
         light_groups: bool = false, "switch", "";
         /// Fit texture look-ups to the footprints of rays where a texture asks for it: less aliasing with few samples, slightly blurred.
         mipmap: bool = false, "switch", "";
+        /// Photons of a photon map (1 000 000 where not given), or of each pass of sppm (one for each pixel).
+        photons: Option<u32> = None, "integer", "photons";
+        /// Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given.
+        photon_neighbors: Option<u32> = None, "integer", "photons";
+        /// Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given.
+        photon_radius: Option<f32> = None, "number", "scene units";
+        /// Most memory for photons; where they are more, they are thinned, with a message.
+        photon_memory: u32 = 1024, "integer", "MiB";
+        /// Photon map to use, made before by `etendue photons trace`: for particles and photon.
+        photon_map: Option<String> = None, "file", "";
         /// Name or number of the camera, where a file has several.
         camera: Option<String> = None, "name or number", "";
     }

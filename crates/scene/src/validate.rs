@@ -3,8 +3,8 @@
 use glam::{Mat3, Mat4};
 
 use crate::desc::{
-    BsdfDesc, Color, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, ProjectionDesc, Scalar, SceneDesc, TextureDesc,
-    TextureId,
+    BsdfDesc, Color, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PhaseDesc, ProjectionDesc, Scalar,
+    SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
 };
 use crate::report::{ReadError, Report};
 use crate::span::{FileId, Span};
@@ -28,6 +28,7 @@ pub fn validate(desc: &mut SceneDesc) -> Result<(), ReadError> {
     let mut check = Checker { desc, report: &mut report };
     check.textures();
     check.bsdfs();
+    check.volumes();
     check.media();
     check.meshes();
     check.shapes();
@@ -229,11 +230,39 @@ impl Checker<'_> {
 
     fn media(&mut self) {
         for node in &self.desc.media {
-            let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, .. } = &node.value;
-            let values = [*sigma_a, *sigma_s, *emission].concat();
+            let (values, phase) = match &node.value {
+                MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } => ([*sigma_a, *sigma_s, *emission].concat(), phase),
+                MediumDesc::Grid(grid) => {
+                    let fields = grid.fields();
+                    for volume in fields.iter().filter_map(|f| f.volume) {
+                        self.id(node.span, volume.0, self.desc.volumes.len(), "volume");
+                    }
+                    if let Some(EmissionSource::BlackBody { offset, scale, .. }) = grid.emission.as_ref().map(|e| &e.source) {
+                        self.finite(node.span, &[*offset, *scale], "a temperature");
+                    }
+                    (fields.iter().flat_map(|f| f.factor).collect(), &grid.phase)
+                }
+            };
             if values.iter().any(|v| !v.is_finite() || *v < 0.0) {
                 self.report.error(node.span, "a medium's coefficients must be finite and not negative");
             }
+            if !is_phase(phase, 0) {
+                self.report.error(node.span, "a phase function's mean cosine must lie between -1 and 1, and its weights in [0, 1]");
+            }
+        }
+    }
+
+    fn volumes(&mut self) {
+        for node in &self.desc.volumes {
+            let volume = &node.value;
+            let count = volume.size.iter().map(|n| u128::from(*n)).product::<u128>() * u128::from(volume.channels.min(4));
+            if ![1, 3].contains(&volume.channels) || count > u128::from(VOLUME_LIMIT) || count != volume.data.len() as u128 || count == 0 {
+                self.report.error(node.span, "a volume's data do not fit its size");
+            }
+            if volume.data.iter().any(|v| !(*v >= 0.0 && v.is_finite())) {
+                self.report.error(node.span, "a volume's values must be finite and not negative");
+            }
+            self.transform(node.span, volume.world_from_volume);
         }
     }
 
@@ -334,6 +363,9 @@ impl Checker<'_> {
         for node in &self.desc.cameras {
             let (span, camera) = (node.span, &node.value);
             self.transform(span, camera.world_from_camera);
+            if let Some(id) = camera.medium {
+                self.id(span, id.0, self.desc.media.len(), "medium");
+            }
             if !(camera.near >= 0.0 && camera.far > camera.near) {
                 self.report.error(span, "a camera's far plane must lie beyond its near plane");
             }
@@ -398,6 +430,17 @@ fn texture_of(color: Color) -> Option<u32> {
 
 fn scalar_texture(scalar: Scalar) -> Option<u32> {
     if let Param::Texture(id) = scalar { Some(id.0) } else { None }
+}
+
+/// Whether a phase function's numbers make sense.
+fn is_phase(phase: &PhaseDesc, depth: usize) -> bool {
+    match phase {
+        PhaseDesc::Isotropic | PhaseDesc::Rayleigh => true,
+        PhaseDesc::HenyeyGreenstein { g } => g.abs() < 1.0,
+        PhaseDesc::Blend { first, second, weight } => {
+            (0.0..=1.0).contains(weight) && depth < GRAPH_DEPTH_LIMIT && is_phase(first, depth + 1) && is_phase(second, depth + 1)
+        }
+    }
 }
 
 /// What is wrong with a mesh's arrays.

@@ -199,7 +199,7 @@ fn media_are_attached_by_name() {
              <phase type="hg"><float name="g" value="0.5"/></phase></medium>
            <shape type="sphere"><bsdf type="null"/><ref name="interior" id="fog"/></shape>"#,
     );
-    let MediumDesc::Homogeneous { sigma_a, sigma_s, phase, .. } = &desc.media[0].value;
+    let MediumDesc::Homogeneous { sigma_a, sigma_s, phase, .. } = &desc.media[0].value else { panic!("homogeneous") };
     assert_eq!((*sigma_a, *sigma_s, phase), ([1.5; 3], [0.5; 3], &PhaseDesc::HenyeyGreenstein { g: 0.5 }));
     assert_eq!(desc.shapes[0].value.interior, Some(MediumId(0)));
 }

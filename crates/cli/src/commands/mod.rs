@@ -1,5 +1,6 @@
 //! The commands, one file each: `Args` (clap) and `run`.
 
+pub mod bake;
 pub mod bench;
 pub mod compare;
 pub mod convert;
@@ -7,8 +8,11 @@ pub mod denoise;
 pub mod info;
 pub mod light;
 pub mod merge;
+pub mod photons;
 pub mod pov;
+pub mod python;
 pub mod render;
+pub mod study;
 
 use std::io::Write;
 

@@ -288,7 +288,7 @@ fn parse_crop(text: &str) -> Result<[u32; 4], String> {
     numbers.ok().and_then(|v| v.try_into().ok()).ok_or_else(|| "expected four whole numbers x0,y0,x1,y1".to_owned())
 }
 
-fn parse_duration(text: &str) -> Result<Duration, String> {
+pub(super) fn parse_duration(text: &str) -> Result<Duration, String> {
     let (number, factor) = match text.trim().char_indices().last() {
         Some((i, 's')) => (&text[..i], 1.0),
         Some((i, 'm')) => (&text[..i], 60.0),

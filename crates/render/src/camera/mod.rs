@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     fn desc(projection: ProjectionDesc) -> CameraDesc {
-        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+        CameraDesc { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY, medium: None }
     }
 
     fn perspective(fov_axis: FovAxis, aperture_radius: f32) -> CameraDesc {

@@ -55,6 +55,11 @@ impl Rays {
         }
     }
 
+    /// Whether these are the rays of a camera for a picture of a size.
+    pub(super) fn is_of(&self, camera: &Camera, size: [u32; 2]) -> bool {
+        self.camera == *camera && self.size == DVec2::new(f64::from(size[0].max(1)), f64::from(size[1].max(1)))
+    }
+
     /// Where the camera stands.
     pub(super) fn location(&self) -> DVec3 {
         self.camera.location

@@ -19,6 +19,7 @@ mod light;
 mod losses;
 mod media;
 mod mesh_camera;
+pub mod physical;
 mod radiosity;
 mod refract;
 mod shadow;
@@ -32,7 +33,9 @@ pub use losses::losses;
 use std::sync::Arc;
 
 use etendue_procedural::{Context, Inside, ObjectId};
-use etendue_scene::desc::classic::{ClassicScene, GlobalSettings};
+use etendue_scene::RenderSettings;
+use etendue_scene::desc::SceneDesc;
+use etendue_scene::desc::classic::{Camera, ClassicScene, GlobalSettings};
 use glam::{DVec2, DVec3};
 
 use crate::math::Vec3;
@@ -46,6 +49,12 @@ use refract::{Stack, Within};
 use trace::Tracer;
 
 use crate::integrator::{Estimate, FirstHit};
+
+/// Whether a classic scene is to be rendered by its own shading model: the default, by the name `whitted`.
+pub fn is_asked_for(desc: &SceneDesc, settings: &RenderSettings) -> bool {
+    let name = settings.integrator.as_deref().unwrap_or(&desc.integrator.name);
+    desc.classic.is_some() && matches!(name, "whitted" | "")
+}
 
 /// A scene of the classic model, ready to be rendered.
 pub struct ClassicWorld {
@@ -73,7 +82,6 @@ impl ClassicWorld {
         let pattern_objects = scene.pattern_objects.iter().map(|o| World::with_images(std::slice::from_ref(o), Some(&pictures))).collect();
         let lamps_of_group = light::sets(scene);
         let rays = Rays::new(scene.camera.clone(), size);
-        let location = scene.camera.location;
         let mut made = Self {
             scene: Arc::new(scene.clone()),
             world,
@@ -86,11 +94,28 @@ impl ClassicWorld {
             radiosity: None,
             around_camera: None,
         };
-        made.around_camera = Some((location, made.around(location)));
-        if let Some(settings) = &scene.settings.radiosity {
-            made.radiosity = Some(radiosity::Cache::build(&made, settings, size));
-        }
+        made.adapt_to_camera(size);
         (made, faults)
+    }
+
+    /// Looks at the world with another camera, for a picture of a size.
+    pub fn set_camera(&mut self, camera: Camera, size: [u32; 2]) {
+        let is_same = self.rays.is_of(&camera, size);
+        if is_same {
+            return;
+        }
+        self.rays = Rays::new(camera, size);
+        self.adapt_to_camera(size);
+    }
+
+    /// Finds out what depends on the camera: what it is inside of, and the light gathered for its picture.
+    fn adapt_to_camera(&mut self, size: [u32; 2]) {
+        let location = self.rays.location();
+        self.around_camera = Some((location, self.around(location)));
+        self.radiosity = None;
+        if let Some(settings) = &self.scene.settings.radiosity {
+            self.radiosity = Some(radiosity::Cache::build(self, settings, size));
+        }
     }
 
     fn settings(&self) -> &GlobalSettings {

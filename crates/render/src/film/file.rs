@@ -205,6 +205,14 @@ impl Film {
     }
 }
 
+/// The pixels that a film file is about, from its header alone.
+///
+/// # Errors
+/// [`FilmFileError`] where the bytes do not start as a film file does.
+pub fn rect_of(bytes: &[u8]) -> Result<Rect, FilmFileError> {
+    read_header(bytes).map(|(header, _)| header.rect)
+}
+
 /// A rectangle of one pixel at the corner of another, for a layout without its memory.
 fn one_pixel(rect: &Rect) -> Rect {
     Rect { x1: rect.x0.saturating_add(1).min(rect.x1), y1: rect.y0.saturating_add(1).min(rect.y1), ..*rect }

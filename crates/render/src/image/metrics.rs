@@ -117,6 +117,20 @@ pub fn compare(image: &Image, reference: &Image, hdr: bool) -> Result<(Compariso
     Ok((comparison, map))
 }
 
+/// relMSE alone, for pictures of the same size; values that are not finite count as 0.
+///
+/// # Errors
+/// As [`compare`].
+pub fn relmse(image: &Image, reference: &Image) -> Result<f64, ImageError> {
+    let load = |image: &Image| image.rgb().filter(|p| !p.is_empty()).ok_or_else(|| ImageError::Missing("channels R, G and B".into()));
+    let (a, b) = (load(image)?, load(reference)?);
+    if [image.width, image.height] != [reference.width, reference.height] {
+        return Err(ImageError::Unsupported("pictures of different sizes".into()));
+    }
+    let finite = |p: &[f32; 3]| p.map(|v| if v.is_finite() { v } else { 0.0 });
+    Ok(a.iter().zip(&b).map(|(x, r)| relative_square(finite(x), finite(r))).sum::<f64>() / a.len() as f64)
+}
+
 fn relative_square(x: [f32; 3], r: [f32; 3]) -> f64 {
     x.iter().zip(r).map(|(&x, r)| (f64::from(x) - f64::from(r)).powi(2) / (f64::from(r).powi(2) + 0.01)).sum::<f64>() / 3.0
 }

@@ -27,7 +27,7 @@ impl Integrator for AmbientOcclusion {
         // Directions of the shading hemisphere that go into the surface are occluded by it.
         let outside = s.ng.dot(d) * s.ng.dot(wo) > 0.0;
         let ray = Ray { t_max: self.distance, ..Ray::new(s.offset_origin(d), d) };
-        if outside && !scene.accel.occluded(&ray) {
+        if outside && !scene.occluded(&ray) {
             out.add(Spectrum::from_rgb([1.0; 3]), 0);
         }
     }

@@ -4,8 +4,8 @@
 use crate::accel::Ray;
 use crate::light::{LightContext, LightSample};
 use crate::math::Vec3;
-use crate::sampler::SampleStream;
-use crate::scene::geometry::NONE;
+use crate::medium::MediumStack;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -24,6 +24,8 @@ pub(super) struct Direct {
     pub pdf: f32,
     /// Light group.
     pub group: u32,
+    /// The light.
+    pub light: u32,
 }
 
 /// The context of a surface point for light sampling.
@@ -40,13 +42,39 @@ pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
     let sample = scene.lights[index as usize].sample(ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
-    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize] })
+    (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
 }
 
-/// The share of light that passes between a surface point and a light sample; `medium` is on the side of `wo`.
+/// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased
+/// estimate where the light crosses a grid medium.
 #[inline]
-pub(super) fn visibility(scene: &Scene, from: &Surface, wo: Vec3, medium: u32, sample: &LightSample) -> Spectrum {
-    let o = from.offset_origin(sample.wi);
+pub(super) fn visibility(
+    scene: &Scene,
+    from: &Surface,
+    wo: Vec3,
+    media: &MediumStack,
+    sample: &LightSample,
+    rng: &mut HashRng,
+) -> Spectrum {
+    let ray = shadow_ray(from.offset_origin(sample.wi), sample);
+    let crosses = ray.d.dot(from.ng) * wo.dot(from.ng) < 0.0;
+    if crosses && scene.has_media {
+        let mut media = *media;
+        media.cross(scene, from, ray.d);
+        return transmittance(scene, ray, &media, rng);
+    }
+    transmittance(scene, ray, media, rng)
+}
+
+/// The same from a point within a medium.
+#[inline]
+pub(super) fn visibility_in_medium(scene: &Scene, p: Vec3, media: &MediumStack, sample: &LightSample, rng: &mut HashRng) -> Spectrum {
+    transmittance(scene, shadow_ray(p, sample), media, rng)
+}
+
+/// From a point to just before a light sample.
+#[inline]
+fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
     // Aim at the light's point from where the ray really starts.
     let (d, t_max) = if sample.dist.is_finite() {
         let to = sample.p - o;
@@ -55,40 +83,44 @@ pub(super) fn visibility(scene: &Scene, from: &Surface, wo: Vec3, medium: u32, s
     } else {
         (sample.wi, f32::INFINITY)
     };
-    let ray = Ray { o, d, t_min: 0.0, t_max };
-    let crosses = d.dot(from.ng) * wo.dot(from.ng) < 0.0;
-    let medium = if crosses { from.medium_beyond(scene, d, medium) } else { medium };
+    Ray { o, d, t_min: 0.0, t_max }
+}
+
+/// The share of light that passes straight along a ray with a unit direction, through surfaces that let it and through what is between
+/// them; `media` are those at the ray's origin. An unbiased estimate where the ray crosses a grid medium.
+#[inline]
+pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &mut HashRng) -> Spectrum {
     if scene.has_null {
-        transmittance(scene, ray, medium)
-    } else if scene.accel.occluded(&ray) {
+        transmittance_through_surfaces(scene, ray, *media, rng)
+    } else if scene.occluded(&ray) {
         Spectrum::ZERO
-    } else if medium != NONE {
-        scene.media[medium as usize].transmittance(t_max)
+    } else if let Some(medium) = scene.medium(media) {
+        medium.transmittance(&ray, ray.t_max, rng)
     } else {
         Spectrum::ONE
     }
 }
 
-/// The share of light that passes straight along a ray through surfaces that let it and through what is between them.
-fn transmittance(scene: &Scene, mut ray: Ray, mut medium: u32) -> Spectrum {
+fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: MediumStack, rng: &mut HashRng) -> Spectrum {
     let mut through = Spectrum::ONE;
     for _ in 0..MAX_CROSSINGS {
-        let hit = scene.accel.intersect(&ray);
-        if medium != NONE {
-            through *= scene.media[medium as usize].transmittance(hit.map_or(ray.t_max, |h| h.t));
-        }
-        let Some(hit) = hit else { return through };
-        if !scene.hit_material(&hit).has_null {
+        let hit = scene.intersect_shadow(&ray);
+        if hit.as_ref().is_some_and(|s| !scene.materials[s.material as usize].has_null) {
             return Spectrum::ZERO;
         }
-        let s = scene.surface(&ray, &hit);
+        if let Some(medium) = scene.medium(&media) {
+            through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
+        }
+        let Some(s) = hit else { return through };
         through *= scene.materials[s.material as usize].shade(scene, &s, -ray.d).null_transmittance(-ray.d);
         if through.is_black() {
             return Spectrum::ZERO;
         }
-        medium = s.medium_beyond(scene, ray.d, medium);
+        if scene.has_media {
+            media.cross(scene, &s, ray.d);
+        }
         let o = s.offset_origin(ray.d);
-        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - hit.t, ..ray };
+        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
     }
     Spectrum::ZERO
 }

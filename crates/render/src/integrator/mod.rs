@@ -7,24 +7,39 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+pub mod emission;
 mod illuminance;
+pub mod irradiance;
 mod light_sampling;
 mod normals;
+mod particles;
 mod path;
+mod photon;
+mod photon_settings;
+mod photon_walk;
+mod radiosity;
 mod raster;
+mod sppm;
+mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
-pub use illuminance::{Illuminance, sample_irradiance};
+pub use illuminance::{Illuminance, sample_irradiance, sensor};
 pub use normals::Normals;
+pub use particles::Particles;
 pub use path::Path;
+pub use photon::PhotonMapping;
+pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use radiosity::Radiosity;
 pub use raster::Raster;
+pub use sppm::Sppm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
 use etendue_scene::desc::IntegratorDesc;
 
 use crate::camera::CameraRay;
+use crate::light::LightContext;
 use crate::math::{Vec2, Vec3};
 use crate::sampler::SampleStream;
 use crate::scene::Scene;
@@ -57,6 +72,15 @@ pub struct Splat {
     /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
     /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
     pub radiance: Spectrum,
+}
+
+/// The last real scattering of a path, which the weights of the light found next refer to.
+struct Vertex {
+    ctx: LightContext,
+    /// Density of the direction; infinite for the camera and for delta lobes.
+    pdf: f32,
+    /// Where on a segment of a homogeneous medium it was, if direct light is sampled along it.
+    on_segment: Option<volume::OnSegment>,
 }
 
 /// One sample of a pixel.
@@ -122,6 +146,16 @@ pub struct Stage<'a> {
     pub progress: &'a (dyn Fn(&str, f64) + Sync),
 }
 
+impl<'a> Stage<'a> {
+    /// A stage of a method that is asked for light without a picture, as baking does; its camera sample is the pixel's center.
+    pub fn without_camera(seed: u64, is_cancelled: &'a (dyn Fn() -> bool + Sync), progress: &'a (dyn Fn(&str, f64) + Sync)) -> Self {
+        fn center(_: u32) -> CameraSample {
+            CameraSample { offset: Vec2::ZERO, weight: 1.0, u_lens: Vec2::splat(0.5) }
+        }
+        Self { size: [64, 64], seed, camera_sample: &center, is_cancelled, progress }
+    }
+}
+
 /// A way to compute light.
 pub trait Integrator: Send + Sync {
     /// Does what has to be done once, before the first sample.
@@ -151,11 +185,6 @@ pub trait Integrator: Send + Sync {
         false
     }
 
-    /// Whether the scene is to hide its lights from the camera for this method, whatever the file says.
-    fn hides_lights(&self) -> bool {
-        false
-    }
-
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -171,7 +200,13 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: [&str; 7] = ["path", "direct", "whitted", "raster", "illuminance", "ao", "normals"];
+pub const NAMES: &[&str] =
+    &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "illuminance", "whitted", "ao", "normals"];
+
+/// Whether the method that the settings or the file name wants lights hidden from the camera, whatever the file says of that.
+pub fn hides_lights(settings: &RenderSettings, desc: &IntegratorDesc) -> bool {
+    settings.integrator.as_deref().unwrap_or(&desc.name) == "illuminance"
+}
 
 /// The integrator that the settings name, else the file's, else `path`.
 ///
@@ -184,15 +219,20 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
+    let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
-        "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth }),
-        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth }),
+        "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
+        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
+        "particles" => Box::new(Particles::new(photons()?)),
+        "photon" => Box::new(PhotonMapping::new(photons()?)),
+        "sppm" => Box::new(Sppm::new(photons()?)),
         "whitted" => Box::new(Whitted { max_depth }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "illuminance" => {
             let path = RenderSettings { integrator: Some("path".into()), ..settings.clone() };
             Box::new(Illuminance::new(create(&path, desc)?))
         }
+        "radiosity" => Box::new(Radiosity::new(settings)?),
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

@@ -6,18 +6,21 @@
 //!
 //! Surfaces that let light straight through (masks, thin panes) do not end the search for lights: shadow rays cross them, and
 //! a path that crosses one keeps the density of its last real scattering for the weights.
+//!
+//! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
 use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
-use super::{Estimate, FirstHit, Integrator};
+use super::volume::{self, Scattered, power_of_three};
+use super::{Estimate, FirstHit, Integrator, Vertex};
 use crate::accel::Ray;
-use crate::bsdf::{Lobe, TransportMode};
+use crate::bsdf::{Bsdf, Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::light::LightContext;
 use crate::material::Scatter;
 use crate::math::warp::power_heuristic;
 use crate::math::{Vec3, fns};
-use crate::sampler::SampleStream;
-use crate::scene::geometry::NONE;
+use crate::medium::MediumStack;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -31,13 +34,8 @@ pub struct Path {
     pub max_depth: u32,
     /// Scattering events after which Russian roulette may end a path.
     pub rr_depth: u32,
-}
-
-/// The last real scattering, which the weights of the light found next refer to.
-struct Vertex {
-    ctx: LightContext,
-    /// Density of the direction; infinite for the camera and for delta lobes.
-    pdf: f32,
+    /// Samples direct light along segments in homogeneous media by the angle from the light as well: less noise about small lights.
+    pub equiangular: bool,
 }
 
 /// The cone of directions that a path's sample stands for, after Akenine-Möller et al. 2019 (Ray Tracing Gems ch. 20).
@@ -66,23 +64,65 @@ impl Cone {
 
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+        if scene.has_media {
+            self.trace::<true>(scene, camera_ray, stream, out);
+        } else {
+            self.trace::<false>(scene, camera_ray, stream, out);
+        }
+    }
+}
+
+impl Path {
+    /// Follows one path. `MEDIA`: whether there are any; compiled apart, so that scenes without pay nothing for them.
+    fn trace<const MEDIA: bool>(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
-        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY };
+        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
         let (mut depth, mut crossings) = (0, 0);
         // Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
         let mut eta_scale = 1.0f32;
-        let mut medium = NONE;
+        let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
+        let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
         loop {
-            let Some(mut s) = scene.intersect(&ray) else {
+            let found = scene.intersect(&ray);
+            if MEDIA && let Some(medium) = scene.medium(&media) {
+                let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
+                if !medium.scatters() || depth >= self.max_depth {
+                    let crossing = medium.cross(&ray, t_max, &mut rng);
+                    out.add(throughput * crossing.emitted, 0);
+                    throughput *= crossing.transmittance;
+                } else {
+                    let equiangular = self.equiangular;
+                    let scattered =
+                        volume::advance(scene, medium, &media, &ray, t_max, &mut throughput, equiangular, stream, &mut rng, out);
+                    if let Some(Scattered { t, wi, vertex }) = scattered {
+                        if depth == 0 {
+                            out.alpha = 1.0;
+                            if let Some(s) = &found {
+                                behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
+                            }
+                        }
+                        ray = Ray::new(ray.at(t), wi);
+                        cone.advance(t, 1.0);
+                        cone.scatter(vertex.pdf);
+                        last = vertex;
+                        depth += 1;
+                        if !self.survives(depth, &mut throughput, eta_scale, stream.next_1d()) {
+                            return;
+                        }
+                        continue;
+                    }
+                }
+                if throughput.is_black() {
+                    return;
+                }
+            }
+            let Some(mut s) = found else {
                 add_infinite(scene, ray.d, throughput, &last, depth, out);
                 return;
             };
-            if medium != NONE {
-                throughput *= scene.media[medium as usize].transmittance(s.t);
-            }
             let wo = -ray.d;
             if scene.mipmap {
                 s.footprint = cone.advance(s.t, s.ng.dot(wo));
@@ -105,7 +145,7 @@ impl Integrator for Path {
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
                     let unshadowed = throughput * f * direct.radiance * (weight / direct.pdf);
-                    let visible = visibility(scene, &s, wo, medium, &direct.sample);
+                    let visible = visibility(scene, &s, wo, &media, &direct.sample, &mut rng);
                     if !visible.is_black() {
                         out.add(unshadowed * visible, direct.group);
                     }
@@ -118,8 +158,8 @@ impl Integrator for Path {
             if throughput.is_black() {
                 return;
             }
-            if sample.lobe.contains(Lobe::TRANSMISSION) {
-                medium = s.medium_beyond(scene, sample.wi, medium);
+            if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
+                media.cross(scene, &s, sample.wi);
             }
             let o = s.offset_origin(sample.wi);
             ray = Ray::new(o, sample.wi);
@@ -137,15 +177,32 @@ impl Integrator for Path {
             eta_scale *= fns::sqr(sample.eta);
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
             cone.scatter(pdf);
-            last = Vertex { ctx, pdf };
-            if depth >= self.rr_depth {
-                let survive = (throughput.max_component() * eta_scale).min(0.95);
-                if u_roulette >= survive {
-                    return;
-                }
-                throughput /= survive;
+            last = Vertex { ctx, pdf, on_segment: None };
+            if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
+                return;
             }
         }
+    }
+
+    /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not.
+    #[inline]
+    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, u: f32) -> bool {
+        if depth >= self.rr_depth {
+            let survive = (throughput.max_component() * eta_scale).min(0.95);
+            if u >= survive {
+                return false;
+            }
+            *throughput /= survive;
+        }
+        true
+    }
+}
+
+/// Records the surface behind a medium that has scattered what the camera sees, where the ray meets one at once.
+#[cold]
+fn behind_medium(scene: &Scene, s: &Surface, wo: Vec3, depth: f32, out: &mut Estimate) {
+    if out.first.is_none() {
+        first_hit(scene, s, wo, &scene.materials[s.material as usize].shade(scene, s, wo), depth, out);
     }
 }
 
@@ -153,7 +210,7 @@ impl Integrator for Path {
 #[inline]
 fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
     let Some(emission) = &s.object(scene).emission else { return };
-    if depth == 0 && scene.hide_lights {
+    if depth == 0 && scene.hides(s) {
         return;
     }
     let radiance = scene.emitted(s, wo);
@@ -161,7 +218,16 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
         return;
     }
     let weight = match s.light(scene) {
-        Some(light) if last.pdf.is_finite() => power_heuristic(last.pdf, pdf_surface(scene, &last.ctx, light, s)),
+        Some(light) if last.pdf.is_finite() => {
+            let by_light = pdf_surface(scene, &last.ctx, light, s);
+            match &last.on_segment {
+                None => power_heuristic(last.pdf, by_light),
+                Some(on) => {
+                    let pdf_light = scene.lights[light as usize].pdf_hit(&last.ctx, s.p, s.ng);
+                    power_of_three(last.pdf, by_light, on.relative_pdf(scene, light, pdf_light))
+                }
+            }
+        }
         _ => 1.0,
     };
     out.add(throughput * radiance * weight, emission.group);
@@ -184,7 +250,8 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
 
 /// Records what the camera sees, once: behind surfaces that are not there at all, but not behind panes.
 pub(super) fn first_hit(scene: &Scene, s: &Surface, wo: Vec3, scatter: &Scatter, depth: f32, out: &mut Estimate) {
-    if out.first.is_some() {
+    let nothing = || !scatter.parts.is_empty() && scatter.parts.iter().all(|p| matches!(p.bsdf, Bsdf::Null(_)));
+    if out.first.is_some() || nothing() {
         return;
     }
     out.alpha = 1.0;

@@ -12,8 +12,8 @@ use crate::bsdf::{Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::material::Part;
 use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3};
+use crate::medium::MediumStack;
 use crate::sampler::SampleStream;
-use crate::scene::geometry::NONE;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -32,7 +32,7 @@ struct Pending {
     ray: Ray,
     throughput: Spectrum,
     depth: u32,
-    medium: u32,
+    media: MediumStack,
 }
 
 impl Integrator for Whitted {
@@ -42,23 +42,28 @@ impl Integrator for Whitted {
             classic.estimate(picture, lens, self.max_depth, stream, out);
             return;
         }
-        let first = Pending { ray: camera_ray.ray, throughput: Spectrum::splat(camera_ray.weight), depth: 0, medium: NONE };
+        let first = Pending { ray: camera_ray.ray, throughput: Spectrum::splat(camera_ray.weight), depth: 0, media: scene.camera_medium };
+        let mut rng = stream.rng();
         // A stack of our own: the recursion level is the user's, the thread's stack is not.
         let mut pending = vec![first];
         while let Some(at) = pending.pop() {
-            let Some(s) = scene.intersect(&at.ray) else {
+            let found = scene.intersect(&at.ray);
+            let mut throughput = at.throughput;
+            if let Some(medium) = scene.medium(&at.media) {
+                // What the medium scatters is lost: this method knows no light that comes from the side.
+                let crossing = medium.cross(&at.ray, found.as_ref().map_or(f32::INFINITY, |s| s.t), &mut rng);
+                out.add(throughput * crossing.emitted, 0);
+                throughput *= crossing.transmittance;
+            }
+            let Some(s) = found else {
                 if at.depth > 0 || !scene.hide_lights {
                     for &light in &scene.infinite_lights {
                         let radiance = scene.lights[light as usize].escaped(at.ray.d);
-                        out.add(at.throughput * radiance, scene.light_groups[light as usize]);
+                        out.add(throughput * radiance, scene.light_groups[light as usize]);
                     }
                 }
                 continue;
             };
-            let mut throughput = at.throughput;
-            if at.medium != NONE {
-                throughput *= scene.media[at.medium as usize].transmittance(s.t);
-            }
             let wo = -at.ray.d;
             if let Some(emission) = &s.object(scene).emission
                 && (at.depth > 0 || !scene.hide_lights)
@@ -76,7 +81,7 @@ impl Integrator for Whitted {
                     let (f, _) = scatter.eval_pdf(wo, sample.wi, TransportMode::Radiance);
                     let local = throughput * f * scene.light_radiance(index as u32, &sample) / sample.pdf;
                     if !local.is_black() {
-                        out.add(local * visibility(scene, &s, wo, at.medium, &sample), scene.light_groups[index]);
+                        out.add(local * visibility(scene, &s, wo, &at.media, &sample, &mut rng), scene.light_groups[index]);
                     }
                 }
             }
@@ -104,10 +109,10 @@ fn branch(scene: &Scene, s: &Surface, wo: Vec3, part: &Part, throughput: Spectru
             continue;
         }
         let wi = part.frame.world_from_local(sample.wi);
-        let mut medium = at.medium;
-        if sample.lobe.contains(Lobe::TRANSMISSION) {
-            medium = s.medium_beyond(scene, wi, medium);
+        let mut media = at.media;
+        if scene.has_media && sample.lobe.contains(Lobe::TRANSMISSION) {
+            media.cross(scene, s, wi);
         }
-        pending.push(Pending { ray: Ray::new(s.offset_origin(wi), wi), throughput, depth: at.depth + 1, medium });
+        pending.push(Pending { ray: Ray::new(s.offset_origin(wi), wi), throughput, depth: at.depth + 1, media });
     }
 }

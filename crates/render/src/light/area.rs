@@ -84,6 +84,15 @@ impl AreaLight {
         }
     }
 
+    /// The density by area of a point sampled on one side, as [`super::Light::emit`] has it.
+    pub fn pdf_area(&self, p: Vec3) -> f32 {
+        let pdf = match &self.geometry {
+            AreaGeometry::Triangle(v) => 1.0 / triangle::area(v),
+            AreaGeometry::Shape(s) => s.pdf_area(p),
+        };
+        if pdf.is_finite() { pdf } else { 0.0 }
+    }
+
     /// See [`super::Light::power`].
     pub fn power(&self, _scene: &SceneSphere) -> Spectrum {
         let sides = if self.two_sided { 2.0 } else { 1.0 };

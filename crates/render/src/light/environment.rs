@@ -89,7 +89,7 @@ impl EnvironmentLight {
 
     /// The inverse.
     #[inline]
-    pub(super) fn direction_from_uv(uv: Vec2) -> (Vec3, f32) {
+    pub(crate) fn direction_from_uv(uv: Vec2) -> (Vec3, f32) {
         let (sin_phi, cos_phi) = fns::sin_cos((uv.x - 0.5) * TAU);
         let (sin_theta, cos_theta) = fns::sin_cos(uv.y * PI);
         (Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi), sin_theta)

@@ -109,6 +109,11 @@ impl SpotLight {
         }
     }
 
+    /// The density of `emit` for a unit direction.
+    pub fn pdf_emit(&self, d: Vec3) -> f32 {
+        if -d.dot(self.frame.n) >= self.cos_outer { warp::uniform_cone_pdf(1.0 - self.cos_outer) } else { 0.0 }
+    }
+
     /// See [`super::Light::emit`]: uniform in the outer cone.
     pub fn emit(&self, _scene: &SceneSphere, _u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
         let one_minus_cos = 1.0 - self.cos_outer;

@@ -28,6 +28,15 @@ impl Part {
     fn consistent(&self, w: Vec3) -> bool {
         self.face_normal.is_none_or(|n| n.dot(w) * self.frame.n.dot(w) > 0.0)
     }
+
+    /// What particles are scaled by besides f·|cos θi| where the shading normal is not the geometric one (Veach 1997, eq. 5.19):
+    /// they come along `wo` from the light, and f·|cos| is that of the shading normal. 0 where it is not defined.
+    #[inline]
+    fn adjoint_factor(&self, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
+        let n = self.frame.n;
+        let factor = (wo.dot(n) * wi.dot(ng)).abs() / (wo.dot(ng) * wi.dot(n)).abs();
+        if factor.is_finite() { factor } else { 0.0 }
+    }
 }
 
 /// All that scatters at a point. Directions are in world space, unit, and point away from the surface.
@@ -52,9 +61,46 @@ impl Scatter {
         (value, pdf)
     }
 
+    /// As [`Scatter::eval_pdf`] for a particle that has come from the light at `wo` and leaves along `wi`, corrected for shading
+    /// normals; `ng` is the geometric normal, either side's.
+    #[inline]
+    pub fn eval_pdf_particle(&self, ng: Vec3, wo: Vec3, wi: Vec3) -> (Spectrum, f32) {
+        let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
+        for part in &self.parts {
+            let (o, i) = (part.frame.local_from_world(wo), part.frame.local_from_world(wi));
+            if part.consistent(wi) {
+                value += part.bsdf.eval(o, i, TransportMode::Importance) * (part.weight * part.adjoint_factor(ng, wo, wi));
+            }
+            pdf += part.bsdf.pdf(o, i) * part.weight;
+        }
+        (value, pdf)
+    }
+
+    /// Samples the direction in which a particle leaves that has come from the light at `wo`; see [`Scatter::eval_pdf_particle`].
+    #[inline]
+    pub fn sample_particle(&self, ng: Vec3, wo: Vec3, u_lobe: f32, u: Vec2) -> Option<BsdfSample> {
+        let (mut sample, part) = self.sample_part(wo, u_lobe, u, TransportMode::Importance)?;
+        if sample.lobe.contains(Lobe::DELTA) || self.parts.len() == 1 {
+            sample.value *= part.adjoint_factor(ng, wo, sample.wi);
+        } else {
+            (sample.value, sample.pdf) = self.eval_pdf_particle(ng, wo, sample.wi);
+        }
+        (sample.pdf > 0.0).then_some(sample)
+    }
+
     /// Samples a direction; `wi` of the result is in world space.
     #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        let (mut sample, _) = self.sample_part(wo, u_lobe, u, mode)?;
+        if self.parts.len() > 1 && !sample.lobe.contains(Lobe::DELTA) {
+            (sample.value, sample.pdf) = self.eval_pdf(wo, sample.wi, mode);
+        }
+        (sample.pdf > 0.0).then_some(sample)
+    }
+
+    /// Samples one part: value and density of delta lobes are those of the whole, of others they are the part's own.
+    #[inline]
+    fn sample_part(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<(BsdfSample, &Part)> {
         // Choose a part by its share and stretch the number for use within the part.
         let (mut chosen, mut rest) = (0, u_lobe);
         while chosen + 1 < self.parts.len() && rest >= self.parts[chosen].weight {
@@ -71,16 +117,20 @@ impl Scatter {
         if sample.lobe.contains(Lobe::DELTA) {
             sample.value *= part.weight;
             sample.pdf *= part.weight;
-        } else if self.parts.len() > 1 {
-            (sample.value, sample.pdf) = self.eval_pdf(wo, sample.wi, mode);
         }
-        (sample.pdf > 0.0).then_some(sample)
+        Some((sample, part))
     }
 
     /// True where some lobe is not a Dirac delta, so that light sampling can work.
     #[inline]
     pub fn is_smooth_anywhere(&self) -> bool {
         self.parts.iter().any(|p| p.bsdf.lobes().0 & (Lobe::DIFFUSE.0 | Lobe::GLOSSY.0) != 0)
+    }
+
+    /// True where some model has a diffuse part. Others only guide light: mirrors, refractors and their frosted kinds.
+    #[inline]
+    pub fn has_diffuse(&self) -> bool {
+        self.parts.iter().any(|p| p.bsdf.lobes().contains(Lobe::DIFFUSE))
     }
 
     /// The share of light that passes straight through from `wo`.

@@ -30,6 +30,9 @@ struct Cursor {
 impl Material {
     /// The models at a surface point seen from `wo` (world space).
     pub fn shade(&self, scene: &Scene, s: &Surface, wo: Vec3) -> Scatter {
+        if let (Some(point), Some(solids)) = (&s.solid, &scene.solids) {
+            return solids.shade(point, wo);
+        }
         let mut scatter = Scatter::default();
         let mut frame = s.frame;
         if s.ng.dot(wo) * frame.n.dot(wo) <= 0.0 {

@@ -58,6 +58,18 @@ pub fn exp(x: f32) -> f32 {
     libm::expf(x)
 }
 
+/// e to the power of x, less one: exact for small x.
+#[inline]
+pub fn exp_m1(x: f32) -> f32 {
+    libm::expm1f(x)
+}
+
+/// Natural logarithm of 1 + x: exact for small x.
+#[inline]
+pub fn ln_1p(x: f32) -> f32 {
+    libm::log1pf(x)
+}
+
 /// Two to the power of x.
 #[inline]
 pub fn exp2(x: f32) -> f32 {

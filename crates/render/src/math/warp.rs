@@ -83,5 +83,10 @@ pub fn power_heuristic(pdf_f: f32, pdf_g: f32) -> f32 {
         return 1.0;
     }
     let (f, g) = (pdf_f * pdf_f, pdf_g * pdf_g);
+    if (f + g).is_infinite() {
+        // Lights seen from very far away have densities whose squares leave the range.
+        let ratio = pdf_g / pdf_f;
+        return 1.0 / (1.0 + ratio * ratio);
+    }
     if f + g > 0.0 { f / (f + g) } else { 0.0 }
 }

@@ -5,8 +5,11 @@
 //! path asks for them.
 
 mod halton;
+mod rng;
 mod sobol;
 mod stratified;
+
+pub use rng::HashRng;
 
 use crate::math::hash::{hash_words, mix32, unit_float};
 use crate::math::{ONE_MINUS_EPSILON, Vec2};
@@ -74,6 +77,14 @@ impl SampleStream {
     fn dimension_hash(&self) -> [u32; 2] {
         let a = mix32(self.pixel[0] ^ self.dimension.wrapping_mul(0x9e37_79b9));
         [a, mix32(self.pixel[1] ^ a)]
+    }
+
+    /// Numbers without an end that belong to the current dimension, whatever the sequence. Takes no dimension: the numbers that follow
+    /// are the same with and without it, and two generators made at one dimension give the same numbers.
+    #[inline]
+    pub fn rng(&self) -> HashRng {
+        let [a, b] = self.dimension_hash();
+        HashRng::new(hash_words([u64::from(a) << 32 | u64::from(b), u64::from(self.index) ^ 0x6d65_6469_756d_0000]))
     }
 
     /// The next number.

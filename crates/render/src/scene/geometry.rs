@@ -54,6 +54,8 @@ pub struct Object {
     pub emission: Option<Emission>,
     /// Medium on the side that the normal points away from; [`NONE`] for vacuum.
     pub interior: u32,
+    /// Medium on the other side, where the file says so; [`NONE`] otherwise.
+    pub exterior: u32,
     /// Number of the object in the whole scene, for the id AOV; from 1.
     pub id: u32,
     /// Geometric and shading normals point the other way round.

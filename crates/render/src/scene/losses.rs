@@ -1,6 +1,6 @@
 //! What a description says and this renderer does not do.
 
-use etendue_scene::desc::{BsdfDesc, BsdfId, LightDesc, MediumDesc, Param, SceneDesc};
+use etendue_scene::desc::{BsdfDesc, BsdfId, LightDesc, Param, SceneDesc};
 use etendue_scene::{Loss, Span};
 
 /// Everything in a description that [`super::compile`] does not honor, in words for the loss report.
@@ -11,12 +11,6 @@ pub fn losses(desc: &SceneDesc) -> Vec<Loss> {
             losses.push(Loss { span, feature: feature.to_owned(), effect: effect.to_owned() });
         }
     };
-    for node in &desc.media {
-        let MediumDesc::Homogeneous { sigma_s, emission, .. } = &node.value;
-        if sigma_s.iter().chain(emission).any(|v| *v != 0.0) {
-            add(node.span, "scattering and emission in a medium", "only its absorption is rendered");
-        }
-    }
     for node in &desc.lights {
         if let LightDesc::Spot { texture: Some(_), .. } = &node.value {
             add(node.span, "picture projected by a spot light", "the light is rendered without it");

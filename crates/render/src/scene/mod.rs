@@ -5,20 +5,25 @@ pub mod geometry;
 mod losses;
 mod names;
 pub mod surface;
+mod view;
 
 pub use compile::compile;
+pub(crate) use compile::vertex_normals;
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;
+pub use view::View;
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
 use crate::accel::{Accel, Hit, Ray};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
-use crate::light::{Light, LightSample, LightSampler};
+use crate::classic::physical::Physical;
+use crate::light::{Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
 use crate::math::{Aabb, Vec3};
+use crate::medium::{Medium, MediumStack};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
 use geometry::{Geometry, Placement};
@@ -48,6 +53,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What each area light is part of: its light's `emission_id` is an index here.
     pub light_sources: Vec<LightSource>,
+    /// Middle and radius of each light that has a place; empty where no path can be in a medium.
+    pub light_places: Vec<Option<(Vec3, f32)>>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
     /// Names of the light groups; the first is the unnamed one.
@@ -57,9 +64,15 @@ pub struct Scene {
     /// Chooses lights for next-event estimation.
     pub light_sampler: LightSampler,
     /// Media: the index is the description's `MediumId`.
-    pub media: Vec<crate::medium::Medium>,
+    pub media: Vec<Medium>,
+    /// Whether any path can be in a medium: where not, no one need look.
+    pub has_media: bool,
+    /// What the camera is in.
+    pub camera_medium: MediumStack,
     /// The camera.
     pub camera: Camera,
+    /// The view that replaces the file's camera ([`Scene::look`]); `None`: the file's own.
+    pub view: Option<View>,
     /// Box of all bounded geometry.
     pub bounds: Aabb,
     /// Whether any material lets light straight through, so that shadow rays must look.
@@ -68,13 +81,29 @@ pub struct Scene {
     pub mipmap: bool,
     /// Lights do not show where the camera looks at them.
     pub hide_lights: bool,
-    /// The scene of the classic model, where the description has one; all else is then empty.
+    /// The scene of the classic model, where `whitted` is to render one; all else is then empty.
     pub classic: Option<Box<ClassicWorld>>,
+    /// The solids of a classic scene for all other integrators.
+    pub solids: Option<Box<Physical>>,
+    /// Names what light depends on (`SceneDesc::light_hash`), where the settings name a photon map that must be of the same.
+    pub light_hash: Option<String>,
     /// Sentences about what could not be loaded and is left out.
     pub warnings: Vec<String>,
 }
 
 impl Scene {
+    /// The sphere around everything bounded: what infinite lights shine on.
+    pub fn sphere(&self) -> SceneSphere {
+        let (center, radius) = self.bounds.bounding_sphere();
+        if radius.is_finite() && radius > 0.0 { SceneSphere { center, radius } } else { SceneSphere { center: Vec3::ZERO, radius: 1.0 } }
+    }
+
+    /// The medium that a path is in; `None` in empty space.
+    #[inline]
+    pub fn medium(&self, stack: &MediumStack) -> Option<&Medium> {
+        self.media.get(stack.top() as usize)
+    }
+
     /// A texture by its id.
     #[inline]
     pub fn texture(&self, id: TextureId) -> &Texture {
@@ -102,7 +131,33 @@ impl Scene {
     /// The surface that a ray hits first.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
-        self.accel.intersect(ray).map(|hit| self.surface(ray, &hit))
+        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
+        match &self.solids {
+            None => surface,
+            Some(solids) => {
+                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
+                solids.intersect(self, &Ray { t_max, ..*ray }).or(surface)
+            }
+        }
+    }
+
+    /// The first surface in the way of light along a ray.
+    #[inline]
+    pub fn intersect_shadow(&self, ray: &Ray) -> Option<Surface> {
+        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
+        match &self.solids {
+            None => surface,
+            Some(solids) => {
+                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
+                solids.intersect_shadow(self, &Ray { t_max, ..*ray }).or(surface)
+            }
+        }
+    }
+
+    /// Whether anything at all is in a ray's way.
+    #[inline]
+    pub fn occluded(&self, ray: &Ray) -> bool {
+        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect_shadow(self, ray).is_some())
     }
 
     /// Radiance of a light sample: textured emission is looked up where the sample is.
@@ -126,9 +181,17 @@ impl Scene {
         &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
     }
 
+    /// Whether the camera does not see the light of a surface. Light sources of classic scenes have no surface of their own, only
+    /// what glows has.
+    #[inline]
+    pub fn hides(&self, s: &Surface) -> bool {
+        self.hide_lights || self.solids.is_some() && s.solid.is_none()
+    }
+
     /// Radiance that a surface emits along `wo` (world space), without the light that falls on it.
     pub fn emitted(&self, s: &Surface, wo: Vec3) -> Spectrum {
         match &s.object(self).emission {
+            Some(_) if let (Some(point), Some(solids)) = (&s.solid, &self.solids) => solids.emitted(point, wo),
             Some(e) if e.two_sided || s.ng.dot(wo) > 0.0 => self.color(&e.radiance, s),
             _ => Spectrum::ZERO,
         }

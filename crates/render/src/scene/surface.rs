@@ -3,6 +3,7 @@
 use super::Scene;
 use super::geometry::{Geometry, NONE, Object};
 use crate::accel::{Hit, Ray};
+use crate::classic::physical::SolidPoint;
 use crate::math::{Frame, Vec2, Vec3};
 
 /// A surface point.
@@ -24,6 +25,8 @@ pub struct Surface {
     pub bary: Vec2,
     /// Ray parameter.
     pub t: f32,
+    /// Index of the placement: which instance was hit.
+    pub instance: u32,
     /// Index of the geometry.
     pub geometry: u32,
     /// Object within the geometry.
@@ -34,6 +37,8 @@ pub struct Surface {
     pub material: u32,
     /// Width of the ray's footprint on the surface; 0 where it is not followed.
     pub footprint: f32,
+    /// Where on the exact solids of a classic scene it is.
+    pub solid: Option<SolidPoint>,
 }
 
 impl Surface {
@@ -47,16 +52,6 @@ impl Surface {
     #[inline]
     pub fn object<'a>(&self, scene: &'a Scene) -> &'a Object {
         &scene.geometries[self.geometry as usize].objects[self.object as usize]
-    }
-
-    /// The medium that light enters which crosses the surface along `d` out of `medium`: shapes that bound no medium change none.
-    #[inline]
-    pub fn medium_beyond(&self, scene: &Scene, d: Vec3, medium: u32) -> u32 {
-        match self.object(scene).interior {
-            NONE => medium,
-            interior if d.dot(self.ng) < 0.0 => interior,
-            _ => NONE,
-        }
     }
 
     /// An attribute at this point, widened to four numbers; `None` where the object lacks it.
@@ -207,11 +202,13 @@ impl Scene {
             dpdv: local.dpdv,
             bary: Vec2::new(hit.u, hit.v),
             t: hit.t,
+            instance: hit.instance,
             geometry: placement.geometry,
             object: object_index,
             primitive: hit.prim,
             material: object.material,
             footprint: 0.0,
+            solid: None,
         }
     }
 }

@@ -52,6 +52,11 @@ impl Centers {
         Self { antialias, rect, colors }
     }
 
+    /// The settings.
+    pub(super) fn antialias(&self) -> Antialias {
+        self.antialias
+    }
+
     /// Keeps the radiance of a center that has been traced.
     pub(super) fn keep(&self, x: u32, y: u32, radiance: Spectrum) {
         if let Some(slot) = self.slot(x, y) {

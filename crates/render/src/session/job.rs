@@ -6,11 +6,11 @@ use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
 use super::{Antialias, Aov, Session};
-use crate::classic::WorkingSpace;
+use crate::classic::{self, WorkingSpace};
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
-use crate::integrator;
+use crate::integrator::{self, Integrator};
 use crate::sampler::{Sampler, SamplerKind};
-use crate::scene;
+use crate::scene::{self, Scene, View};
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
@@ -69,6 +69,7 @@ impl Plan {
     /// [`JobError::Setting`] for unknown names and impossible sizes.
     pub fn new(desc: &SceneDesc, settings: &RenderSettings, crop: Option<[u32; 4]>) -> Result<Self, JobError> {
         let film = &desc.film;
+        let classic = desc.classic.as_ref().filter(|_| classic::is_asked_for(desc, settings));
         let (width, height) = size(film, settings)?;
         let full = Rect::new(0, 0, width, height);
         let same_size = (width, height) == (film.width.unwrap_or(width), film.height.unwrap_or(height));
@@ -86,21 +87,21 @@ impl Plan {
             Some(name) => Filter::from_name(name).ok_or_else(|| {
                 JobError::Setting(format!("no filter `{name}`; there are box, tent, gaussian, mitchell, blackman-harris, lanczos"))
             })?,
-            None if desc.classic.is_some() => Filter::BOX,
+            None if classic.is_some() => Filter::BOX,
             None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
             (Some(name), _) => SamplerKind::from_name(name)
                 .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
-            (None, _) if desc.classic.is_some() => SamplerKind::Stratified,
+            (None, _) if classic.is_some() => SamplerKind::Stratified,
             (None, _) => SamplerKind::Sobol,
         };
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
             return Err(JobError::Setting(format!("no light sampler `{name}`; there are {}", LIGHT_SAMPLERS.join(", "))));
         }
         let antialias = antialias(desc, settings)?;
-        let spp = match (antialias, &desc.classic) {
+        let spp = match (antialias, classic) {
             (Some(antialias), _) => antialias.spp(),
             (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(classic.camera.samples().unwrap_or(1)),
             (None, None) => settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP),
@@ -126,13 +127,14 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
     if depth == 0 || depth > MAX_ANTIALIAS_DEPTH {
         return Err(JobError::Setting(format!("antialiasing adds 1 to {MAX_ANTIALIAS_DEPTH} rows of samples, not {depth}")));
     }
-    let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
+    let classic = desc.classic.as_ref().filter(|_| classic::is_asked_for(desc, settings));
+    let default = if classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
-    let has_own = desc.classic.as_ref().is_some_and(|c| c.camera.samples().is_some());
+    let has_own = classic.is_some_and(|c| c.camera.samples().is_some());
     let threshold = match settings.antialias {
         _ if has_own => 0.0,
         // One sample goes through the center, as in POV-Ray.
-        Some(t) if !(t > 0.0) && desc.classic.is_some() && settings.spp.is_none() => f32::INFINITY,
+        Some(t) if !(t > 0.0) && classic.is_some() && settings.spp.is_none() => f32::INFINITY,
         given => given.unwrap_or(default),
     };
     Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
@@ -170,16 +172,32 @@ fn filter(desc: FilterDesc) -> Filter {
 /// # Errors
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
-    if desc.classic.is_some() && plan.integrator != "whitted" {
-        return Err(JobError::Setting(format!("`{}` cannot render POV-Ray scenes yet; `whitted` can", plan.integrator)));
-    }
-    let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
-    if plan.antialias.is_some() && integrator.shares_camera_samples() {
-        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
-    }
-    let mut scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
-    scene.hide_lights |= integrator.hides_lights();
-    let scene = Arc::new(scene);
+    // A wrong name is told before any work is done.
+    method(desc, settings, plan)?;
+    let scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    prepare_compiled(desc, settings, plan, aovs, Arc::new(scene))
+}
+
+/// A text of all settings that a compiled scene depends on. One that was compiled from the same description with the same text serves
+/// another plan after [`Scene::look`] for the plan's size.
+pub fn compile_key(settings: &RenderSettings) -> String {
+    // Camera and size are `Scene::look`'s; the others are about samples.
+    let kept = RenderSettings { width: None, height: None, camera: None, spp: None, seed: 0, filter: None, ..settings.clone() };
+    kept.given()
+}
+
+/// Makes a session for a scene that has been compiled from the description with these settings and looks the way it is to be rendered.
+///
+/// # Errors
+/// [`JobError`]
+pub fn prepare_compiled(
+    desc: &SceneDesc,
+    settings: &RenderSettings,
+    plan: &Plan,
+    aovs: &[Aov],
+    scene: Arc<Scene>,
+) -> Result<Session, JobError> {
+    let integrator = method(desc, settings, plan)?;
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
     let space = match &desc.classic {
@@ -191,7 +209,7 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
         seed: settings.seed,
         integrator: plan.integrator.clone(),
         renderer: format!("etendue {}", env!("CARGO_PKG_VERSION")),
-        settings_hash: settings_hash(desc, settings, plan),
+        settings_hash: settings_hash(desc, settings, plan, scene.view.as_ref()),
         ..FilmMeta::default()
     };
     let mut session = Session::new(scene, integrator, sampler, spec, aovs.to_vec(), meta)?;
@@ -201,9 +219,21 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     Ok(session)
 }
 
+/// The integrator of a plan, where it can render the scene.
+///
+/// # Errors
+/// [`JobError::Setting`]
+pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Result<Box<dyn Integrator>, JobError> {
+    let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
+    if plan.antialias.is_some() && integrator.shares_camera_samples() {
+        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    }
+    Ok(integrator)
+}
+
 /// A text of all settings that samples depend on; films merge only where it is equal. Settings that are not named here as having no
 /// influence count as having some.
-fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
+fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan, view: Option<&View>) -> String {
     let stratified = if plan.sampler == SamplerKind::Stratified { plan.spp } else { 0 };
     let method = RenderSettings {
         // In the film's spec, in its meta data, or in the plan.
@@ -222,5 +252,6 @@ fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan) -> String {
         ..s.clone()
     };
     let antialias = plan.antialias.map_or(String::new(), |a| format!(" antialias {}/{}", a.threshold, a.depth));
-    format!("{} {:?}/{stratified}{antialias} {}", plan.integrator, plan.sampler, method.given())
+    let view = view.map_or(String::new(), |v| format!(" view {:?} {}", v.world_from_camera.to_cols_array(), v.zoom));
+    format!("{} {:?}/{stratified}{antialias}{view} {}", plan.integrator, plan.sampler, method.given())
 }

@@ -161,6 +161,28 @@ impl Session {
         self.first_sample = index;
     }
 
+    /// Starts with an empty film of a part of the picture, for a worker that renders one part after the other and keeps what was
+    /// prepared. The parts' films merge exactly.
+    ///
+    /// # Errors
+    /// [`FilmError::Outside`] where the pixels are not within the crop.
+    pub fn set_part(&mut self, rect: Rect, first_sample: u32) -> Result<(), FilmError> {
+        let spec = self.film.spec().clone();
+        let mut film = Film::tile(&spec, rect)?;
+        film.meta = FilmMeta { render_ms: 0, ..self.film.meta.clone() };
+        self.film = film;
+        self.first_sample = first_sample;
+        if let Some(centers) = &self.centers {
+            self.centers = Some(Centers::new(centers.antialias(), rect, spec.width, spec.height));
+        }
+        Ok(())
+    }
+
+    /// Whether samples give light to pixels other than their own: then a part is the whole picture.
+    pub fn splats(&self) -> bool {
+        self.integrator.splats()
+    }
+
     /// Changes the tiles and their order; for tests, which show that neither matters.
     #[doc(hidden)]
     pub fn set_tile_order(&mut self, order: fn(&mut Vec<Rect>)) {

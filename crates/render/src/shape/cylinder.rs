@@ -103,12 +103,18 @@ impl Cylinder {
         self.sample_area(u)?.per_solid_angle(ref_p)
     }
 
+    /// See [`super::Shape::pdf_area`].
+    #[inline]
+    pub fn pdf_area(&self, p: Vec3) -> f32 {
+        let q = self.affine.unit_from_world(p);
+        let n = Vec3::new(q.x, q.y, 0.0).normalize_or_zero();
+        INV_TAU / self.affine.area_stretch(n)
+    }
+
     /// See [`super::Shape::pdf_solid_angle`].
     #[inline]
     pub fn pdf_solid_angle(&self, ref_p: Vec3, p: Vec3, ng: Vec3) -> f32 {
-        let q = self.affine.unit_from_world(p);
-        let n = Vec3::new(q.x, q.y, 0.0).normalize_or_zero();
-        area_to_solid_angle(ref_p, p, ng) * INV_TAU / self.affine.area_stretch(n)
+        area_to_solid_angle(ref_p, p, ng) * self.pdf_area(p)
     }
 }
 

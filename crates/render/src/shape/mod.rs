@@ -169,6 +169,15 @@ shapes! {
 }
 
 impl Shape {
+    /// The density by area with which `sample_area` returns the point `p` of the surface; 0 for unbounded shapes.
+    pub fn pdf_area(&self, p: Vec3) -> f32 {
+        match self {
+            Self::Sphere(s) => s.pdf_area(p),
+            Self::Cylinder(s) => s.pdf_area(p),
+            _ => 1.0 / self.area(),
+        }
+    }
+
     /// The analytic shape of a description; `None` for meshes and cubes (which become triangles) and for what is no surface.
     pub fn from_desc(geometry: &GeometryDesc, world_from_object: Mat4, flip_normals: bool) -> Option<Self> {
         let m = world_from_object;

@@ -105,6 +105,17 @@ impl Polygon {
         self.area
     }
 
+    /// The polygon's inside as triangles without overlap, counter-clockwise about local +z.
+    pub fn triangles(&self) -> Vec<[Vec3; 3]> {
+        let at = |x: f32, y: f32| self.planar.point(Vec2::new(x, y));
+        let pair = |t: &Trapezoid| {
+            let [a, b] = [at(t.left[0], t.y[0]), at(t.right[0], t.y[0])];
+            let [c, d] = [at(t.left[1], t.y[1]), at(t.right[1], t.y[1])];
+            [[a, b, d], [a, d, c]]
+        };
+        self.trapezoids.iter().flat_map(pair).collect()
+    }
+
     /// See [`super::Shape::sample_area`].
     pub fn sample_area(&self, u: Vec2) -> Option<AreaSample> {
         let (i, _, u_y) = self.by_area.sample_discrete(u.x);

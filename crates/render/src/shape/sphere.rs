@@ -118,11 +118,21 @@ impl Sphere {
     #[inline]
     pub fn sample_area(&self, u: Vec2) -> Option<AreaSample> {
         let q = warp::uniform_sphere(u);
-        let pdf = match self.radius {
+        Some(self.sample_at(q, self.density_at(q)))
+    }
+
+    /// See [`super::Shape::pdf_area`].
+    pub fn pdf_area(&self, p: Vec3) -> f32 {
+        self.density_at(self.affine.unit_from_world(p).normalize_or(Vec3::Z))
+    }
+
+    /// The density by area at a point of the unit sphere.
+    #[inline]
+    fn density_at(&self, q: Vec3) -> f32 {
+        match self.radius {
             Some(_) => 1.0 / self.area,
             None => INV_4PI / self.affine.area_stretch(q),
-        };
-        Some(self.sample_at(q, pdf))
+        }
     }
 
     /// The sample at a point of the unit sphere.

@@ -11,7 +11,7 @@ use glam::{DVec2, DVec3};
 use super::bvh::Bvh;
 use super::trace::{Query, RawHit, Scratch};
 use super::tree::{Builder, Kind, NodeId, Tree};
-use super::{Bounds, Line, NO_UV, Primitive, RayKind, SolidHit};
+use super::{Bounds, Crossing, Line, NO_UV, Primitive, RayKind, SolidHit};
 
 /// All objects of a scene.
 pub struct World {
@@ -65,6 +65,28 @@ impl World {
     /// The box of all surfaces; infinite where one is.
     pub fn bounds(&self) -> Bounds {
         self.tree.roots.iter().fold(Bounds::EMPTY, |b, &r| b.union(self.tree.nodes[r as usize].bounds))
+    }
+
+    /// The box of all surfaces that have a finite one; empty where none has.
+    pub fn finite_bounds(&self) -> Bounds {
+        let bounds = self.tree.roots.iter().map(|&r| self.tree.nodes[r as usize].bounds);
+        bounds.filter(Bounds::is_finite).fold(Bounds::EMPTY, Bounds::union)
+    }
+
+    /// The objects of the leaves, by [`SolidHit::leaf`].
+    pub fn leaf_objects(&self) -> impl Iterator<Item = &Object> {
+        self.tree.leaves.iter().map(|l| &*l.object)
+    }
+
+    /// Whether parts of a leaf have textures of their own, as triangles of a mesh may.
+    pub fn has_own_textures(&self, leaf: u32) -> bool {
+        self.tree.leaves.get(leaf as usize).is_some_and(|l| !l.own_textures.is_empty() || l.cutaway.is_some())
+    }
+
+    /// A hit once more: that of a leaf, with the point as the line's origin.
+    pub(crate) fn revisit(&self, leaf: u32, line: &Line, crossing: Crossing) -> SolidHit<'_> {
+        let hit = RawHit { leaf, crossing: Crossing { t: 0.0, ..crossing } };
+        SolidHit { t: crossing.t, crossing, ..self.hit(line, &hit) }
     }
 
     /// Number of primitives.

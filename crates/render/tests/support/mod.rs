@@ -39,7 +39,7 @@ pub fn look_at(from: Vec3, to: Vec3) -> Mat4 {
 }
 
 fn camera(desc: &mut SceneDesc, world_from_camera: Mat4, projection: ProjectionDesc) {
-    add(desc, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY });
+    add(desc, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium: None });
 }
 
 /// A pinhole camera.

@@ -1,4 +1,4 @@
-//! Scattering models and media as files describe them.
+//! Scattering models as files describe them.
 
 use serde::{Deserialize, Serialize};
 
@@ -261,36 +261,6 @@ impl Default for PbrDesc {
             iridescence_thickness_nm: Scalar::Constant(400.0),
         }
     }
-}
-
-/// What fills a shape.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum MediumDesc {
-    /// The same everywhere.
-    Homogeneous {
-        /// Absorption per unit of length.
-        sigma_a: [f32; 3],
-        /// Scattering per unit of length.
-        sigma_s: [f32; 3],
-        /// Emitted radiance per unit of length.
-        emission: [f32; 3],
-        /// Phase function.
-        phase: PhaseDesc,
-    },
-}
-
-/// In which direction a medium scatters.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub enum PhaseDesc {
-    /// Every direction alike.
-    Isotropic,
-    /// Henyey–Greenstein with mean cosine g in (−1, 1).
-    HenyeyGreenstein {
-        /// Mean cosine.
-        g: f32,
-    },
-    /// Rayleigh.
-    Rayleigh,
 }
 
 /// What a scattering model refers to; see [`BsdfDesc::parts`].

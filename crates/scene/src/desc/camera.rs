@@ -3,6 +3,8 @@
 use glam::Mat4;
 use serde::{Deserialize, Serialize};
 
+use super::MediumId;
+
 /// Along which edge of the picture a field of view is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum FovAxis {
@@ -58,6 +60,8 @@ pub struct CameraDesc {
     pub near: f32,
     /// Nothing farther is seen.
     pub far: f32,
+    /// What the camera is in, where the file says so.
+    pub medium: Option<MediumId>,
 }
 
 impl Default for CameraDesc {
@@ -70,7 +74,7 @@ impl Default for CameraDesc {
             focus_distance: 1.0,
             principal_point_offset: [0.0; 2],
         };
-        Self { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY }
+        Self { world_from_camera: Mat4::IDENTITY, projection, near: 0.0, far: f32::INFINITY, medium: None }
     }
 }
 

@@ -45,6 +45,15 @@ impl SceneDesc {
     /// A hash of everything that a picture of this description depends on: nodes, loaded meshes, the bytes of picture files. It
     /// does not depend on where the files lie. Reads the picture files; one that cannot be read counts by its name.
     pub fn content_hash(&self) -> String {
+        self.hash(true)
+    }
+
+    /// The same for what light depends on: everything but cameras, film and integrator. Photon maps are told apart by it.
+    pub fn light_hash(&self) -> String {
+        self.hash(false)
+    }
+
+    fn hash(&self, with_view: bool) -> String {
         let mut sink = Sink(blake3::Hasher::new());
         for image in &self.images {
             match &image.value.source {
@@ -68,6 +77,11 @@ impl SceneDesc {
                 sink.mesh(data);
             }
         }
+        for volume in &self.volumes {
+            let v = &volume.value;
+            sink.node(&(v.size, v.channels, v.world_from_volume, v.filter, v.wrap, v.data.len()));
+            sink.0.update(bytemuck::cast_slice(&v.data));
+        }
         // Without spans and names: moving a line does not change the picture.
         fn values<T: serde::Serialize>(sink: &mut Sink, nodes: &[super::Node<T>]) {
             for node in nodes {
@@ -82,10 +96,14 @@ impl SceneDesc {
         values(&mut sink, &self.groups);
         values(&mut sink, &self.instances);
         values(&mut sink, &self.lights);
-        values(&mut sink, &self.cameras);
+        if with_view {
+            values(&mut sink, &self.cameras);
+        }
         sink.node(&self.classic);
-        sink.node(&self.film);
-        sink.node(&self.integrator);
+        if with_view {
+            sink.node(&self.film);
+            sink.node(&self.integrator);
+        }
         sink.0.finalize().to_hex().to_string()
     }
 }

@@ -9,12 +9,14 @@ pub mod classic;
 mod geometry;
 mod hash;
 mod light;
+mod medium;
 mod texture;
 
 pub use bsdf::*;
 pub use camera::*;
 pub use geometry::*;
 pub use light::*;
+pub use medium::*;
 pub use texture::*;
 
 use std::path::PathBuf;
@@ -87,6 +89,8 @@ ids! {
     BsdfId => bsdfs: BsdfDesc,
     /// Index into [`SceneDesc::media`].
     MediumId => media: MediumDesc,
+    /// Index into [`SceneDesc::volumes`].
+    VolumeId => volumes: VolumeDesc,
     /// Index into [`SceneDesc::meshes`].
     MeshId => meshes: MeshDesc,
     /// Index into [`SceneDesc::groups`].
@@ -116,6 +120,8 @@ pub struct SceneDesc {
     pub bsdfs: Vec<Node<BsdfDesc>>,
     /// Participating media.
     pub media: Vec<Node<MediumDesc>>,
+    /// Grids of numbers in space, referred to by media.
+    pub volumes: Vec<Node<VolumeDesc>>,
     /// Triangle meshes.
     pub meshes: Vec<Node<MeshDesc>>,
     /// Shapes of the world.

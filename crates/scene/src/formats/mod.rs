@@ -12,7 +12,8 @@ mod resolver;
 mod sidecar;
 mod spectrum;
 mod summary;
-mod tessellate;
+pub mod tessellate;
+mod volume;
 
 pub use resolver::{ResolveError, Resolver};
 pub use summary::{Summary, summary};

@@ -4,8 +4,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::mesh::ply_write;
+use super::volume::VolFile;
 use super::{Resolver, exr};
-use crate::desc::{ImageId, ImageSource, MeshData, MeshId, SceneDesc};
+use crate::desc::{ImageId, ImageSource, MeshData, MeshId, SceneDesc, VolumeDesc};
 
 /// Writes each file on first use and remembers its name.
 pub(super) struct Sidecar {
@@ -92,6 +93,16 @@ impl Sidecar {
             *slot = Some(name.clone());
         }
         Ok(name)
+    }
+}
+
+impl Sidecar {
+    /// The name of a volume's `.vol` file.
+    ///
+    /// # Errors
+    /// An I/O error that names the file.
+    pub fn volume(&mut self, i: usize, volume: &VolumeDesc) -> io::Result<String> {
+        self.put(&format!("volume_{i}.vol"), &VolFile::to_bytes(volume.size, volume.channels, &volume.data))
     }
 }
 

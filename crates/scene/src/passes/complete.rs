@@ -65,6 +65,7 @@ fn framing_camera((min, max): (Vec3, Vec3), right: Vec3, up: Vec3, back: Vec3) -
         },
         near: 1e-3 * distance,
         far: 100.0 * distance,
+        medium: None,
     }
 }
 

@@ -129,7 +129,7 @@ fn glass_with_a_colored_inside() {
     // A boundary is not two-sided.
     let BsdfDesc::Pbr(pbr) = &desc[shape.bsdf.unwrap()].value else { panic!() };
     assert!(pbr.volume && pbr.transmission == Scalar::Constant(1.0));
-    let MediumDesc::Homogeneous { sigma_a, sigma_s, .. } = &desc[shape.interior.unwrap()].value;
+    let MediumDesc::Homogeneous { sigma_a, sigma_s, .. } = &desc[shape.interior.unwrap()].value else { panic!("homogeneous") };
     assert!((sigma_a[0] - 2.0f32.recip() * std::f32::consts::LN_2).abs() < 1e-6);
     assert!(sigma_a[1] == 0.0 && sigma_a[2] > 5.0 && *sigma_s == [0.0; 3]);
     // Thin-walled without thickness.

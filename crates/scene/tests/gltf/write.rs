@@ -253,6 +253,7 @@ fn foreign() -> SceneDesc {
             },
             near: 0.01,
             far: 1e4,
+            medium: None,
         },
     ));
     (d.film.width, d.film.height) = (Some(200), Some(100));

@@ -16,6 +16,8 @@ use anyhow::{Context, bail, ensure};
 use etendue_render::accel::{Accel, Blas, BlasInput, Instance, IsaKind, Ray};
 use etendue_render::math::{Mat4, Vec3};
 
+use crate::clock;
+
 /// Rays that a thread takes at once.
 const CHUNK: usize = 4096;
 /// Record of a closest hit: primitive and t.
@@ -62,12 +64,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     let positions = read_mesh(&plan.mesh)?;
     let triangles: Vec<[u32; 3]> = (0..positions.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
     let pool = rayon::ThreadPoolBuilder::new().num_threads(plan.threads).build().context("cannot start the threads")?;
-    let (start, start_cpu) = (Instant::now(), process_cpu_secs());
+    let (start, start_cpu) = (Instant::now(), clock::process_cpu_secs());
     let accel = pool.install(|| {
         let blas = Blas::build(BlasInput { positions: &positions, triangles: &triangles, shapes: &[] });
         Accel::build(vec![blas], vec![Instance { world_from_object: Mat4::IDENTITY, blas: 0 }])
     });
-    let (build_secs, build_cpu_secs) = (start.elapsed().as_secs_f64(), process_cpu_secs() - start_cpu);
+    let (build_secs, build_cpu_secs) = (start.elapsed().as_secs_f64(), clock::process_cpu_secs() - start_cpu);
     drop((positions, triangles));
     let accel = accel.with_isa(plan.isa);
     for job in &plan.jobs {
@@ -121,7 +123,7 @@ fn pass_over<T: Send>(rays: &[RayRecord], results: &mut [T], threads: usize, tra
     let (next, barrier) = (AtomicUsize::new(0), Barrier::new(threads));
     let work = || {
         barrier.wait();
-        let (start, start_cpu) = (Instant::now(), thread_cpu_secs());
+        let (start, start_cpu) = (Instant::now(), clock::thread_cpu_secs());
         let mut done = 0;
         loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
@@ -132,7 +134,7 @@ fn pass_over<T: Send>(rays: &[RayRecord], results: &mut [T], threads: usize, tra
             }
             done += out.len();
         }
-        let cpu = thread_cpu_secs() - start_cpu;
+        let cpu = clock::thread_cpu_secs() - start_cpu;
         (if cpu > 0.0 { done as f64 / cpu } else { 0.0 }, start.elapsed().as_secs_f64())
     };
     let shares: Vec<(f64, f64)> = std::thread::scope(|s| {
@@ -221,35 +223,6 @@ fn read_records<const N: usize>(path: &Path) -> anyhow::Result<Vec<[u8; N]>> {
     let mut records = vec![[0; N]; count as usize];
     file.read_exact(records.as_flattened_mut()).with_context(at)?;
     Ok(records)
-}
-
-#[cfg(unix)]
-fn clock_secs(id: nix::time::ClockId) -> f64 {
-    nix::time::clock_gettime(id).map_or(0.0, |t| t.tv_sec() as f64 + 1e-9 * t.tv_nsec() as f64)
-}
-
-/// CPU time of the calling thread in seconds.
-#[cfg(unix)]
-fn thread_cpu_secs() -> f64 {
-    clock_secs(nix::time::ClockId::CLOCK_THREAD_CPUTIME_ID)
-}
-
-/// CPU time of all threads in seconds.
-#[cfg(unix)]
-fn process_cpu_secs() -> f64 {
-    clock_secs(nix::time::ClockId::CLOCK_PROCESS_CPUTIME_ID)
-}
-
-/// Seconds since the first call: systems without CPU clocks get wall time.
-#[cfg(not(unix))]
-fn thread_cpu_secs() -> f64 {
-    static START: std::sync::OnceLock<Instant> = std::sync::OnceLock::new();
-    START.get_or_init(Instant::now).elapsed().as_secs_f64()
-}
-
-#[cfg(not(unix))]
-fn process_cpu_secs() -> f64 {
-    thread_cpu_secs()
 }
 
 #[cfg(test)]

@@ -85,6 +85,7 @@ fn object(node: &Node<ShapeDesc>, ctx: &mut Context) -> Object {
             group: ctx.groups.intern(if ctx.light_groups && e.group.is_empty() { &node.name } else { &e.group }),
         }),
         interior: shape.interior.map_or(NONE, |m| m.0),
+        exterior: shape.exterior.map_or(NONE, |m| m.0),
         id: ctx.object_count,
         flip_normals: shape.flip_normals,
         wants_tangents: ctx.tangents || ctx.materials[material as usize].wants_tangents,
@@ -137,7 +138,7 @@ fn add_mesh(g: &mut Geometry, mesh: &MeshData, shape: &ShapeDesc, m: Mat4, objec
 }
 
 /// Vertex normals as angle-weighted means of face normals (Thürmer and Wüthrich 1998, doi:10.1080/10867651.1998.10487487).
-pub(super) fn vertex_normals(mesh: &MeshData) -> Vec<Vec3> {
+pub(crate) fn vertex_normals(mesh: &MeshData) -> Vec<Vec3> {
     let mut normals = vec![Vec3::ZERO; mesh.positions.len()];
     for tri in &mesh.triangles {
         let p = tri.map(|i| mesh.positions[i as usize]);

@@ -6,20 +6,28 @@ use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, SceneD
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight,
-    SceneSphere, SpotLight, equal_area,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight, SpotLight,
+    equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
 use crate::spectrum::Spectrum;
 use crate::texture;
 
-/// Adds all lights of a scene whose geometry stands.
+/// Adds all lights of a scene whose geometry stands, and an environment that is not in the description.
 ///
 /// # Errors
 /// Faults of environment pictures and of the settings.
-pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings) -> Result<(), Vec<Fault>> {
+pub(super) fn add(
+    scene: &mut Scene,
+    desc: &SceneDesc,
+    settings: &RenderSettings,
+    environment: Option<EnvironmentLight>,
+) -> Result<(), Vec<Fault>> {
     add_emitting_objects(scene);
+    if let Some(light) = environment {
+        push(scene, Light::Environment(Box::new(light)), 0);
+    }
     let mut faults = Vec::new();
     for node in &desc.lights {
         let found = make(desc, &node.value);
@@ -33,7 +41,7 @@ pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings
             Err(message) => faults.push(Fault { severity: Severity::Error, span: node.span, message }),
         }
     }
-    let sphere = scene_sphere(scene);
+    let sphere = scene.sphere();
     let name = settings.light_sampler.as_deref().unwrap_or("bvh");
     let selection = match name {
         "bvh" => LightSelection::Bvh,
@@ -47,16 +55,6 @@ pub(super) fn add(scene: &mut Scene, desc: &SceneDesc, settings: &RenderSettings
     };
     scene.light_sampler = LightSampler::new(&scene.lights, &sphere, selection);
     if faults.is_empty() { Ok(()) } else { Err(faults) }
-}
-
-/// The sphere around everything bounded: what infinite lights shine on.
-fn scene_sphere(scene: &Scene) -> SceneSphere {
-    let (center, radius) = scene.bounds.bounding_sphere();
-    if radius.is_finite() && radius > 0.0 {
-        SceneSphere { center, radius }
-    } else {
-        SceneSphere { center: crate::math::Vec3::ZERO, radius: 1.0 }
-    }
 }
 
 /// The light group of a light of that name: its own where the settings ask for it, else the common one.
@@ -85,7 +83,8 @@ fn add_emitting_objects(scene: &mut Scene) {
     for object_index in 0..scene.geometries[0].objects.len() {
         let g = &scene.geometries[0];
         let object = &g.objects[object_index];
-        let Some(emission) = object.emission else { continue };
+        // What glows on a solid is found by chance alone: it has no primitives to sample.
+        let Some(emission) = object.emission.filter(|_| object.first_primitive != NONE) else { continue };
         let (radiance, textured) = match emission.radiance {
             Param::Constant(c) => (Spectrum::from_rgb(c), false),
             Param::Texture(id) => (*averages.entry(id).or_insert_with(|| scene.textures[id.0 as usize].average()), true),

@@ -12,10 +12,12 @@ use super::{Names, Scene};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
-use crate::light::{LightSampler, LightSelection, SceneSphere};
+use crate::classic::physical::Physical;
+use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
-use crate::medium::Medium;
+use crate::medium::{self, MediumStack};
 use crate::texture;
+pub(crate) use geometry::vertex_normals;
 use geometry::{Context, Placed};
 
 /// Compiles a validated description whose meshes are loaded, for a picture of the given size.
@@ -23,6 +25,25 @@ use geometry::{Context, Placed};
 /// # Errors
 /// Every fault that was found: pictures that cannot be read, a camera that is not there.
 pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> Result<Scene, Vec<Fault>> {
+    let Some(classic) = desc.classic.as_ref().filter(|_| !crate::classic::is_asked_for(desc, settings)) else {
+        return compile_with(desc, settings, size, None);
+    };
+    let (solids, mut warnings) = Physical::new(classic, size);
+    let fault = |message| vec![Fault { severity: Severity::Error, span: Span::default(), message }];
+    let (lights, losses) = solids.lower(size).map_err(fault)?;
+    warnings.extend(losses.into_iter().map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
+    let mut scene = compile_with(&lights, settings, size, Some(Box::new(solids)))?;
+    scene.warnings.extend(warnings);
+    scene.light_hash = settings.photon_map.is_some().then(|| desc.light_hash());
+    Ok(scene)
+}
+
+fn compile_with(
+    desc: &SceneDesc,
+    settings: &RenderSettings,
+    size: [u32; 2],
+    mut solids: Option<Box<Physical>>,
+) -> Result<Scene, Vec<Fault>> {
     // The classic model has cameras of its own.
     let unused = CameraDesc::default();
     let camera = if desc.classic.is_some() { &unused } else { camera(desc, settings)? };
@@ -47,39 +68,59 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
         .map(|p| Instance { world_from_object: p.world_from_object.unwrap_or(Mat4::IDENTITY), blas: p.geometry })
         .collect();
     let accel = Accel::build(blases, instances);
-    let has_null = geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
+    let has_null = solids.is_some() || geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
+    let (mut media, warnings) = medium::compile(desc);
+    let mut bounds = accel.bounds();
+    let mut geometries = geometries;
+    if let Some(solids) = &mut solids {
+        bounds = bounds.union(solids.bounds());
+        solids.add_objects(&mut geometries[0].objects, &mut media, 0);
+    }
+    let environment = solids.as_ref().and_then(|s| s.environment());
+    let has_border = |o: &super::geometry::Object| o.interior != super::geometry::NONE || o.exterior != super::geometry::NONE;
+    let media_in_use = geometries.iter().flat_map(|g| &g.objects).any(has_border);
     let mut scene = Scene {
-        bounds: accel.bounds(),
+        bounds,
         geometries,
         placements,
         accel,
         textures,
-        media: desc.media.iter().map(|m| Medium::new(&m.value)).collect(),
+        has_media: media_in_use || camera.medium.is_some(),
+        camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
+        media,
         camera: Camera::new(camera, size[0], size[1]),
+        view: None,
         has_null,
         mipmap: settings.mipmap,
-        hide_lights: desc.integrator.hide_lights,
+        hide_lights: desc.integrator.hide_lights || crate::integrator::hides_lights(settings, &desc.integrator),
+        light_hash: settings.photon_map.is_some().then(|| desc.light_hash()),
         classic: None,
-        warnings: Vec::new(),
+        solids,
+        warnings,
         materials,
         lights: Vec::new(),
         light_sources: Vec::new(),
+        light_places: Vec::new(),
         light_groups: Vec::new(),
         group_names: groups.into_names(),
         infinite_lights: Vec::new(),
         light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
     };
-    lights::add(&mut scene, desc, settings)?;
+    lights::add(&mut scene, desc, settings, environment)?;
+    if scene.has_media {
+        let place = |l: &Light| l.bounds().map(|b| b.bounds.bounding_sphere());
+        scene.light_places = scene.lights.iter().map(place).collect();
+    }
     if let Some(classic) = &desc.classic {
         let (world, warnings) = ClassicWorld::new(classic, size);
         scene.classic = Some(Box::new(world));
-        scene.warnings = warnings;
+        scene.warnings.extend(warnings);
     }
     Ok(scene)
 }
 
 /// The camera that the settings name by name or number, or the first.
-fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
+pub(super) fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Result<&'a CameraDesc, Vec<Fault>> {
     let found = match &settings.camera {
         None => desc.cameras.first(),
         Some(name) => desc.cameras.iter().find(|c| c.name == *name).or_else(|| desc.cameras.get(name.parse::<usize>().ok()?)),

@@ -101,7 +101,8 @@ impl Reader {
             _ => DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0)),
         };
         let world_from_camera = (world_from_pbrt * turn).as_mat4();
-        self.desc.add(Node::named(name, p.span, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY }));
+        let medium = self.state.exterior;
+        self.desc.add(Node::named(name, p.span, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium }));
     }
 
     /// The camera of a file without one: perspective, 90 degrees, at the origin.

@@ -329,9 +329,6 @@ impl Reader {
                 };
                 self.state.interior = self.named_medium(&inside, span);
                 self.state.exterior = self.named_medium(&outside, span);
-                if !self.in_world {
-                    self.camera_medium = self.state.exterior;
-                }
             }
             "NamedMaterial" => {
                 let name = self.string(cursor, "a name")?;

@@ -17,6 +17,7 @@ mod light;
 mod material;
 mod medium;
 mod params;
+mod presets;
 mod shape;
 mod spectrum;
 mod state;
@@ -79,8 +80,6 @@ struct Reader {
     object: Option<(GroupId, Vec<ShapeId>)>,
     images: HashMap<PathBuf, ImageId>,
     meshes: HashMap<PathBuf, crate::desc::MeshId>,
-    /// The medium outside when the camera was made.
-    camera_medium: Option<MediumId>,
     /// Triangles of subdivided meshes so far.
     subdivided: usize,
     includes: u32,
@@ -106,7 +105,6 @@ impl Reader {
             object: None,
             images: HashMap::new(),
             meshes: HashMap::new(),
-            camera_medium: None,
             subdivided: 0,
             includes: 0,
             depth: 0,
@@ -162,10 +160,6 @@ impl Reader {
         }
         if self.desc.cameras.is_empty() {
             self.default_camera();
-        }
-        if let Some(m) = self.camera_medium.take() {
-            let span = self.desc[m].span;
-            self.loss(span, "medium around the camera", "ignored");
         }
     }
 }

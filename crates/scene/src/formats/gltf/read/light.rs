@@ -121,7 +121,7 @@ impl<'a> Reader<'a> {
             self.desc.film.height = Some(height.round().max(1.0) as u32);
         }
         let name = self.string(camera, "name").or_else(|| self.string(node, "name")).unwrap_or_default();
-        let desc = CameraDesc { world_from_camera: rigid(world), projection, near, far };
+        let desc = CameraDesc { world_from_camera: rigid(world), projection, near, far, medium: None };
         self.desc.add(Node::named(name, self.span(camera), desc));
     }
 }

@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 use props::{Cursor, Props, describe};
 
 use super::tree::{Kind, Plugin, Property, Tree, Value, suggestion};
-use crate::desc::{BsdfId, EmissionDesc, GroupId, ImageId, MediumId, MeshFormat, MeshId, Param, SceneDesc};
+use crate::desc::{BsdfId, EmissionDesc, GroupId, ImageId, MediumId, MeshFormat, MeshId, Param, SceneDesc, VolumeId};
 use crate::formats::Resolver;
 use crate::span::Span;
 
@@ -42,6 +42,7 @@ pub struct Builder<'t> {
     /// Textures read as emission: spectra have another white there.
     emission_textures: Memo<BuiltTexture>,
     media: Memo<MediumId>,
+    volumes: Memo<VolumeId>,
     groups: Memo<GroupId>,
     emissions: Memo<EmissionDesc>,
     images: HashMap<PathBuf, ImageId>,
@@ -62,6 +63,7 @@ impl<'t> Builder<'t> {
             textures: Memo::new(),
             emission_textures: Memo::new(),
             media: Memo::new(),
+            volumes: Memo::new(),
             groups: Memo::new(),
             emissions: Memo::new(),
             images: HashMap::new(),

@@ -35,9 +35,7 @@ impl<'t> Builder<'t> {
             self.desc.report.loss(plugin.span, "motion blur (`shutter_open`, `shutter_close`)", "a still picture");
         }
         p.lose(&["srf", "sampler_seed", "kc"]);
-        while let Some(medium) = self.next_of(&mut p, Kind::Medium) {
-            self.desc.report.loss(medium.span, "medium of a sensor", "ignored");
-        }
+        let medium = self.next_of(&mut p, Kind::Medium).and_then(|medium| self.medium(medium));
         let projection = projection.map(|projection| match projection {
             // Mitsuba scales an orthographic picture by the camera's transform.
             ProjectionDesc::Orthographic { .. } => {
@@ -63,7 +61,7 @@ impl<'t> Builder<'t> {
         } else if self.desc.film != film {
             self.desc.report.loss(plugin.span, "film and sampler of a further sensor", "those of the first one in their place");
         }
-        self.desc.add(Node::named(&plugin.id, plugin.span, CameraDesc { world_from_camera, projection, near, far }));
+        self.desc.add(Node::named(&plugin.id, plugin.span, CameraDesc { world_from_camera, projection, near, far, medium }));
     }
 
     fn projection(&mut self, p: &mut Props<'t>) -> Option<ProjectionDesc> {

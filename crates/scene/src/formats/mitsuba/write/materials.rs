@@ -6,8 +6,8 @@ use glam::{Mat3, Mat4, Vec4};
 
 use super::Writer;
 use crate::desc::{
-    BsdfDesc, BsdfId, Channel, Encoding, ImageId, MediumDesc, MicrofacetKind, Param, PbrDesc, PhaseDesc, Roughness, Scalar, TextureDesc,
-    TextureFilter, Wrap,
+    BsdfDesc, BsdfId, Channel, Encoding, FieldDesc, ImageId, MediumDesc, MicrofacetKind, Param, PbrDesc, PhaseDesc, Roughness, Scalar,
+    ScatteringDesc, TextureDesc, TextureFilter, VolumeDesc, VolumeFilter, VolumeWrap, Wrap,
 };
 use crate::span::Span;
 
@@ -281,17 +281,44 @@ impl Writer<'_> {
         }
     }
 
-    pub(super) fn medium(&mut self, i: usize) {
+    pub(super) fn medium(&mut self, i: usize) -> io::Result<()> {
         let node = &self.desc.media[i];
         let id = self.ids.media[i].clone();
-        let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value;
-        if emission.iter().any(|v| *v != 0.0) {
-            self.lose(node.span, "emission of a medium", "none");
+        match &node.value {
+            MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } => {
+                if emission.iter().any(|v| *v != 0.0) {
+                    self.lose(node.span, "emission of a medium", "none");
+                }
+                self.xml.open("medium", "homogeneous", &id);
+                let sigma_t = [0, 1, 2].map(|c| sigma_a[c] + sigma_s[c]);
+                self.xml.triple("rgb", "sigma_t", sigma_t);
+                self.xml.triple("rgb", "albedo", [0, 1, 2].map(|c| if sigma_t[c] > 0.0 { sigma_s[c] / sigma_t[c] } else { 0.0 }));
+                self.phase(phase);
+            }
+            MediumDesc::Grid(grid) => {
+                if grid.emission.is_some() {
+                    self.lose(node.span, "emission of a medium", "none");
+                }
+                self.xml.open("medium", "heterogeneous", &id);
+                self.field("sigma_t", &grid.extinction, node.span)?;
+                match &grid.scattering {
+                    ScatteringDesc::Albedo(albedo) => self.field("albedo", albedo, node.span)?,
+                    ScatteringDesc::Coefficient(sigma_s) => {
+                        let albedo = self.albedo_volume(&grid.extinction, sigma_s);
+                        match albedo {
+                            Some(volume) => self.volume("albedo", usize::MAX, &volume, [1.0; 3])?,
+                            None => self.lose(node.span, "scattering coefficients on another grid than the extinction", "albedo 0.75"),
+                        }
+                    }
+                }
+                self.phase(&grid.phase);
+            }
         }
-        self.xml.open("medium", "homogeneous", &id);
-        let sigma_t = [0, 1, 2].map(|c| sigma_a[c] + sigma_s[c]);
-        self.xml.triple("rgb", "sigma_t", sigma_t);
-        self.xml.triple("rgb", "albedo", [0, 1, 2].map(|c| if sigma_t[c] > 0.0 { sigma_s[c] / sigma_t[c] } else { 0.0 }));
+        self.xml.close();
+        Ok(())
+    }
+
+    fn phase(&mut self, phase: &PhaseDesc) {
         match phase {
             PhaseDesc::Isotropic => self.xml.open("phase", "isotropic", ""),
             PhaseDesc::Rayleigh => self.xml.open("phase", "rayleigh", ""),
@@ -299,9 +326,78 @@ impl Writer<'_> {
                 self.xml.open("phase", "hg", "");
                 self.xml.float("g", *g);
             }
+            PhaseDesc::Blend { first, second, weight } => {
+                self.xml.open("phase", "blendphase", "");
+                self.xml.float("weight", *weight);
+                self.phase(first);
+                self.phase(second);
+            }
         }
         self.xml.close();
+    }
+
+    fn field(&mut self, name: &'static str, field: &FieldDesc, span: Span) -> io::Result<()> {
+        let volume = field.volume.and_then(|id| Some((id, &self.desc.volumes.get(id.0 as usize)?.value)));
+        let Some((id, volume)) = volume else {
+            self.xml.triple("rgb", name, field.factor);
+            return Ok(());
+        };
+        if volume.wrap == VolumeWrap::Zero {
+            self.lose(span, "volume that is empty beyond its outermost values", "the outermost values up to the border");
+        }
+        self.volume(name, id.0 as usize, volume, field.factor)
+    }
+
+    /// A volume with a factor on its values.
+    fn volume(&mut self, name: &'static str, number: usize, volume: &VolumeDesc, factor: [f32; 3]) -> io::Result<()> {
+        let mut scaled = volume.clone();
+        if factor != [1.0; 3] {
+            scaled.data = scale_values(volume, factor);
+            scaled.channels = 3;
+        }
+        self.volumes += 1;
+        let number = if number == usize::MAX || factor != [1.0; 3] { self.desc.volumes.len() + self.volumes } else { number };
+        let file = self.files.volume(number, &scaled)?;
+        self.xml.open_named("volume", "gridvolume", name);
+        self.xml.value("string", "filename", file);
+        self.xml.value("boolean", "raw", true);
+        if volume.filter == VolumeFilter::Nearest {
+            self.xml.value("string", "filter_type", "nearest");
+        }
+        match volume.wrap {
+            VolumeWrap::Repeat => self.xml.value("string", "wrap_mode", "repeat"),
+            VolumeWrap::Mirror => self.xml.value("string", "wrap_mode", "mirror"),
+            VolumeWrap::Clamp | VolumeWrap::Zero => {}
+        }
+        self.xml.transform("to_world", volume.world_from_volume);
         self.xml.close();
+        Ok(())
+    }
+
+    /// Scattering over extinction, value by value, where both are on one grid or constant.
+    fn albedo_volume(&self, extinction: &FieldDesc, sigma_s: &FieldDesc) -> Option<VolumeDesc> {
+        let volume = |f: &FieldDesc| f.volume.and_then(|id| Some(&self.desc.volumes.get(id.0 as usize)?.value));
+        let (t, s) = (volume(extinction)?, volume(sigma_s));
+        let same = |s: &VolumeDesc| s.size == t.size && s.world_from_volume == t.world_from_volume;
+        if s.is_some_and(|s| !same(s)) {
+            return None;
+        }
+        let total = scale_values(t, extinction.factor);
+        let scattered = match s {
+            Some(s) => scale_values(s, sigma_s.factor),
+            None => sigma_s.factor.iter().copied().cycle().take(total.len()).collect(),
+        };
+        let data = total.iter().zip(&scattered).map(|(t, s)| if *t > 0.0 { (s / t).min(1.0) } else { 0.0 }).collect();
+        Some(VolumeDesc { channels: 3, data, ..t.clone() })
+    }
+}
+
+/// The values of a volume as colors times a factor.
+fn scale_values(volume: &VolumeDesc, factor: [f32; 3]) -> Vec<f32> {
+    if volume.channels == 1 {
+        volume.data.iter().flat_map(|v| factor.map(|f| f * v)).collect()
+    } else {
+        volume.data.iter().zip(factor.iter().cycle()).map(|(v, f)| v * f).collect()
     }
 }
 

@@ -20,13 +20,14 @@ use xml::Xml;
 /// # Errors
 /// An I/O error that names the file.
 pub fn write(desc: &SceneDesc, path: &Path) -> io::Result<Report> {
-    let mut writer = Writer { desc, xml: Xml::new(), report: Report::default(), files: Sidecar::new(desc, path), ids: Ids::new(desc) };
+    let mut writer =
+        Writer { desc, xml: Xml::new(), report: Report::default(), files: Sidecar::new(desc, path), volumes: 0, ids: Ids::new(desc) };
+    for i in 0..desc.media.len() {
+        writer.medium(i)?;
+    }
     writer.settings();
     for i in 0..desc.textures.len() {
         writer.texture(i)?;
-    }
-    for i in 0..desc.media.len() {
-        writer.medium(i);
     }
     for i in 0..desc.bsdfs.len() {
         writer.bsdf(i);
@@ -73,6 +74,8 @@ struct Writer<'d> {
     xml: Xml,
     report: Report,
     files: Sidecar,
+    /// Volumes that were made of others.
+    volumes: usize,
     ids: Ids,
 }
 

@@ -22,7 +22,8 @@ impl Writer<'_> {
         let integrator = &self.desc.integrator;
         if !integrator.name.is_empty() {
             let kind = match integrator.name.as_str() {
-                "path" => "path",
+                "path" if self.desc.media.is_empty() => "path",
+                "path" => "volpath",
                 "direct" => "direct",
                 other => {
                     self.lose(Span::file(FileId(0)), format!("integrator \"{other}\""), "path");
@@ -30,7 +31,7 @@ impl Writer<'_> {
                 }
             };
             self.xml.open("integrator", kind, "");
-            if kind == "path" {
+            if kind != "direct" {
                 let depth = integrator.max_depth.map_or(-1, |d| i64::from(d) + 1);
                 self.xml.value("integer", "max_depth", depth);
                 if let Some(depth) = integrator.rr_depth {
@@ -91,6 +92,9 @@ impl Writer<'_> {
         self.xml.transform("to_world", to_world);
         self.xml.float("near_clip", camera.near);
         self.xml.float("far_clip", camera.far);
+        if let Some(id) = camera.medium.and_then(|m| self.ids.media.get(m.0 as usize).cloned()) {
+            self.xml.reference("", &id);
+        }
         self.film(span);
         self.xml.close();
     }

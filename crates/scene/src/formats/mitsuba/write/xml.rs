@@ -41,6 +41,12 @@ impl Xml {
         self.open.push(tag);
     }
 
+    /// Begins a plugin that is a parameter of another.
+    pub fn open_named(&mut self, tag: &'static str, kind: &str, name: &str) {
+        self.element(tag, &[("type", kind), ("name", name)], ">\n");
+        self.open.push(tag);
+    }
+
     /// Ends the plugin begun last.
     pub fn close(&mut self) {
         if let Some(tag) = self.open.pop() {

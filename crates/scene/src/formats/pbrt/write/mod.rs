@@ -1,6 +1,7 @@
 //! Description → pbrt-v4 text, with PLY meshes and pictures beside it.
 
 mod materials;
+mod media;
 mod world;
 
 use std::fmt::Write as _;

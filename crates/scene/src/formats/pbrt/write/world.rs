@@ -8,8 +8,8 @@ use glam::{Mat4, Vec3};
 use super::super::angles::{atan, tan};
 use super::Writer;
 use crate::desc::{
-    BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MediumDesc, MeshId, Node, Param, PhaseDesc,
-    ProjectionDesc, Scalar, ShapeDesc, SpotFalloff,
+    BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MeshId, Node, Param, ProjectionDesc, Scalar,
+    ShapeDesc, SpotFalloff,
 };
 use crate::formats::tessellate::tessellate;
 
@@ -18,11 +18,19 @@ impl Writer<'_> {
     pub(super) fn settings(&mut self) {
         let film = &self.desc.film;
         let (w, h) = (film.width.unwrap_or(1280), film.height.unwrap_or(720));
+        self.media();
         if let Some(camera) = self.desc.cameras.first() {
             if self.desc.cameras.len() > 1 {
                 self.lose(self.desc.cameras[1].span, "further cameras", "the first one alone");
             }
+            // It counts for the camera and for all that follows; shapes with media of their own say so.
+            if let Some(medium) = camera.value.medium {
+                self.line(&format!("MediumInterface \"\" \"v{}\"", medium.0));
+            }
             self.camera(camera, w as f32, h as f32);
+            if camera.value.medium.is_some() {
+                self.line("MediumInterface \"\" \"\"");
+            }
         }
         let _ = write!(self.text, "Film \"rgb\" \"integer xresolution\" {w} \"integer yresolution\" {h} \"bool savefp16\" false");
         if let Some([x0, y0, x1, y1]) = film.crop {
@@ -44,22 +52,6 @@ impl Writer<'_> {
         match self.desc.integrator.name.as_str() {
             "ao" => self.line("Integrator \"ambientocclusion\""),
             _ => self.line(&format!("Integrator \"volpath\" \"integer maxdepth\" {depth}")),
-        }
-        for (i, node) in self.desc.media.iter().enumerate() {
-            let MediumDesc::Homogeneous { sigma_a, sigma_s, emission, phase } = &node.value;
-            let _ = write!(self.text, "MakeNamedMedium \"v{i}\"");
-            self.string("type", "homogeneous");
-            self.rgb("sigma_a", *sigma_a);
-            self.rgb("sigma_s", *sigma_s);
-            if *emission != [0.0; 3] {
-                self.rgb("Le", *emission);
-            }
-            match phase {
-                PhaseDesc::Isotropic => {}
-                PhaseDesc::HenyeyGreenstein { g } => self.float("g", *g),
-                PhaseDesc::Rayleigh => self.lose(node.span, "Rayleigh phase function", "isotropic"),
-            }
-            self.text.push('\n');
         }
     }
 

@@ -1,0 +1,156 @@
+//! Parts of pictures as film files: what a farm's workers make.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use etendue_render::film::Rect;
+use etendue_render::session::job::{self, JobError, Plan};
+use etendue_render::session::{Aov, Cancel, Reason, Session, Silent, Stop};
+use etendue_scene::{RenderSettings, SceneDesc};
+use pyo3::prelude::*;
+use pyo3::types::PyBytes;
+
+use crate::places::Places;
+use crate::{background, errors};
+
+/// A compiled scene with its settings, from which parts of the picture are rendered one after the other.
+#[pyclass(frozen, module = "etendue._etendue")]
+pub struct Prepared {
+    /// `None` while a part is being rendered, and after an error.
+    session: Arc<Mutex<Option<Session>>>,
+    pool: Arc<rayon::ThreadPool>,
+    /// Pixels in a row of the full picture.
+    #[pyo3(get)]
+    width: u32,
+    /// Rows of the full picture.
+    #[pyo3(get)]
+    height: u32,
+    /// The pixels of the picture: x0, y0, x1, y1.
+    #[pyo3(get)]
+    crop: (u32, u32, u32, u32),
+    /// Samples per pixel that settings and file ask for.
+    #[pyo3(get)]
+    spp: u32,
+    /// Whether pixels that look like their neighbors take one sample: then a part has all of its samples.
+    #[pyo3(get)]
+    is_adaptive: bool,
+    /// Whether samples give light to other pixels: then a part is the whole picture.
+    #[pyo3(get)]
+    splats: bool,
+    /// Name of the integrator.
+    #[pyo3(get)]
+    integrator: String,
+    /// A hash of all that the picture depends on.
+    #[pyo3(get)]
+    scene_hash: String,
+    /// What the scene names and could not be loaded.
+    #[pyo3(get)]
+    warnings: Vec<String>,
+}
+
+impl Prepared {
+    /// Compiles. Without `fixed_spp`, and without a number in the settings, the samples are decided while rendering, as where
+    /// `etendue render` stops by noise or time.
+    #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
+    pub fn new(
+        py: Python<'_>,
+        desc: &Arc<SceneDesc>,
+        places: &Places,
+        settings: RenderSettings,
+        crop: Option<[u32; 4]>,
+        threads: usize,
+        aovs: &[String],
+        fixed_spp: bool,
+    ) -> PyResult<Self> {
+        let job_error = |e: JobError| errors::job_error(py, &e, &desc.files, places);
+        let (aovs, _) = Aov::parse_list(aovs).map_err(|e| errors::error(py, "SettingError", e))?;
+        let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
+        if settings.spp.is_none() && !fixed_spp {
+            plan.spp = job::DEFAULT_SPP;
+            plan.antialias = None;
+        }
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
+        let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
+        let (worker, worker_desc, worker_plan) = (Arc::clone(&pool), Arc::clone(desc), plan.clone());
+        let work = move || {
+            worker.install(|| {
+                let session = job::prepare(&worker_desc, &settings, &worker_plan, &aovs)?;
+                Ok((session, worker_desc.content_hash()))
+            })
+        };
+        let (mut session, scene_hash) = background::run(py, None, work, |_| Ok(()))?.map_err(job_error)?;
+        session.set_scene_hash(scene_hash.clone());
+        let Rect { x0, y0, x1, y1 } = plan.crop;
+        Ok(Self {
+            width: plan.width,
+            height: plan.height,
+            crop: (x0, y0, x1, y1),
+            spp: plan.spp,
+            is_adaptive: plan.antialias.is_some(),
+            splats: session.splats(),
+            integrator: plan.integrator,
+            warnings: session.warnings().to_vec(),
+            session: Arc::new(Mutex::new(Some(session))),
+            scene_hash,
+            pool,
+        })
+    }
+}
+
+#[pymethods]
+impl Prepared {
+    /// Renders the samples `begin..end` of the pixels of `rect` and returns the film file's bytes, or None where `should_stop`, which is
+    /// called some 20 times a second, has returned True.
+    #[pyo3(signature = (rect, begin, end, should_stop=None))]
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        rect: [u32; 4],
+        begin: u32,
+        end: u32,
+        should_stop: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Bound<'py, PyBytes>>> {
+        let rect = Rect::new(rect[0], rect[1], rect[2], rect[3]);
+        let whole = Rect::new(self.crop.0, self.crop.1, self.crop.2, self.crop.3);
+        let setting = |message: String| errors::error(py, "SettingError", message);
+        if begin >= end {
+            return Err(setting(format!("a part has samples: not {begin}..{end}")));
+        }
+        if rect.area() == 0 || !whole.contains_rect(&rect) {
+            return Err(setting(format!("the pixels {rect} are not within the picture's {whole}")));
+        }
+        if self.splats && rect != whole {
+            return Err(setting(format!("`{}` gives light to all pixels: its parts are the whole picture", self.integrator)));
+        }
+        if self.is_adaptive && (begin, end) != (0, self.spp) {
+            return Err(setting(format!("with antialiasing a part has all samples 0..{}, not {begin}..{end}", self.spp)));
+        }
+        let taken = self.session.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let mut session = taken.ok_or_else(|| errors::error(py, "Error", "another part is being rendered, or has failed".to_owned()))?;
+        if let Err(e) = session.set_part(rect, begin) {
+            *self.session.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
+            return Err(setting(e.to_string()));
+        }
+        let (pool, slot, cancel) = (Arc::clone(&self.pool), Arc::clone(&self.session), Cancel::default());
+        let stop = Stop { spp: Some(end - begin), ..Stop::default() };
+        let worker_cancel = cancel.clone();
+        let work = move || {
+            let result = pool.install(|| session.render(&stop, &worker_cancel, &Silent)).map_err(|e| e.to_string())?;
+            let mut bytes = Vec::new();
+            if result != Reason::Cancelled {
+                pool.install(|| session.film().write_to(&mut bytes)).map_err(|e| e.to_string())?;
+            }
+            *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
+            Ok::<_, String>((result != Reason::Cancelled).then_some(bytes))
+        };
+        let tick = |_: Python<'_>| {
+            if let Some(should_stop) = &should_stop
+                && should_stop.call0()?.is_truthy()?
+            {
+                cancel.cancel();
+            }
+            Ok(())
+        };
+        let bytes = background::run(py, Some(&cancel), work, tick)?.map_err(|e| errors::error(py, "Error", e))?;
+        Ok(bytes.map(|b| PyBytes::new(py, &b)))
+    }
+}

@@ -1,0 +1,171 @@
+//! Rays that leave the lights: the first step of every method that traces particles.
+//!
+//! A light is chosen by its power (known without regard to any point of the scene), then a ray by [`Light::emit`]. The densities
+//! are available one by one, because bidirectional methods weigh paths that were made in other ways by them.
+
+use rayon::prelude::*;
+
+use crate::accel::{Hit, Ray};
+use crate::light::{Light, LightContext, LightSampler, LightSelection, SceneSphere};
+use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
+use crate::medium::MediumStack;
+use crate::scene::{Scene, Surface};
+use crate::spectrum::Spectrum;
+
+/// Borders between the camera and a light that are looked at to find the light's medium.
+const MAX_BORDERS: u32 = 4096;
+
+/// A ray that leaves a light.
+#[derive(Clone, Debug)]
+pub struct Emission {
+    /// Index of the light.
+    pub light: u32,
+    /// Its light group.
+    pub group: u32,
+    /// The ray; it starts so far off the light's surface that it does not meet it again.
+    pub ray: Ray,
+    /// The point of the light, or for infinite lights of a disk outside of the scene.
+    pub p: Vec3,
+    /// Unit normal of the light there, on the side of the ray; the ray's direction where it has none.
+    pub n: Vec3,
+    /// The surface that emits; `None` for lights that are no surfaces.
+    pub surface: Option<Surface>,
+    /// Radiance along the ray (intensity where the position is a delta, irradiance where the direction is), texture included.
+    pub radiance: Spectrum,
+    /// |cos| between ray and light.
+    pub cos: f32,
+    /// Probability of choosing the light.
+    pub pmf: f32,
+    /// Density of the start by area (for infinite lights, across the ray); 1 where it is a delta.
+    pub pdf_position: f32,
+    /// Density of the direction per solid angle; 1 where it is a delta.
+    pub pdf_direction: f32,
+}
+
+impl Emission {
+    /// The power in W that the ray carries if it is the only one: the mean over rays is the power of all lights.
+    #[inline]
+    pub fn power(&self) -> Spectrum {
+        // In this order: with pmf and densities multiplied first, tiny lights would overflow.
+        self.radiance * (self.cos / self.pdf_direction) / self.pdf_position / self.pmf
+    }
+}
+
+/// Chooses lights by power and rays that leave them.
+#[derive(Clone, Debug)]
+pub struct EmissionSampler {
+    lights: LightSampler,
+    sphere: SceneSphere,
+    /// The media that each light is in; empty where the scene has none.
+    media: Vec<MediumStack>,
+}
+
+impl EmissionSampler {
+    /// For the lights of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let sphere = scene.sphere();
+        let lights = LightSampler::new(&scene.lights, &sphere, LightSelection::Power);
+        let media = if scene.has_media { scene.lights.par_iter().map(|l| media_at(scene, &sphere, l)).collect() } else { Vec::new() };
+        Self { lights, sphere, media }
+    }
+
+    /// The media that the rays of a light start in. One for the whole light: a border may not go through it.
+    #[inline]
+    pub fn media(&self, light: u32) -> MediumStack {
+        self.media.get(light as usize).copied().unwrap_or_default()
+    }
+
+    /// The sphere on which infinite lights shine: what is outside of it (of unbounded planes) they do not reach.
+    pub fn sphere(&self) -> &SceneSphere {
+        &self.sphere
+    }
+
+    /// The probability of choosing a light.
+    #[inline]
+    pub fn pmf(&self, light: u32) -> f32 {
+        self.lights.pmf(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, light)
+    }
+
+    /// A ray for random numbers in [0, 1); `None` where nothing is emitted, which counts as a ray without power.
+    pub fn sample(&self, scene: &Scene, u_light: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
+        let (light, pmf) = self.lights.sample(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, u_light)?;
+        let sample = scene.lights[light as usize].emit(&self.sphere, u_position, u_direction)?;
+        let surface = match &scene.lights[light as usize] {
+            Light::Area(area) => {
+                let source = scene.light_sources[area.emission_id as usize];
+                let hit = Hit { t: 0.0, u: sample.uv.x, v: sample.uv.y, prim: source.primitive, instance: 0 };
+                Some(scene.surface(&Ray::new(sample.o, sample.d), &hit))
+            }
+            _ => None,
+        };
+        let radiance = match (&scene.lights[light as usize], &surface) {
+            (Light::Area(area), Some(surface)) if area.textured => scene.emitted(surface, sample.d),
+            _ => sample.radiance,
+        };
+        let o = surface.as_ref().map_or(sample.o, |s| s.offset_origin(sample.d));
+        let emission = Emission {
+            light,
+            group: scene.light_groups[light as usize],
+            ray: Ray::new(o, sample.d),
+            p: sample.o,
+            n: sample.n,
+            surface,
+            radiance,
+            cos: sample.cos,
+            pmf,
+            pdf_position: sample.pdf_position,
+            pdf_direction: sample.pdf_direction,
+        };
+        // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.
+        let power = emission.power();
+        (power.is_finite() && !power.is_black()).then_some(emission)
+    }
+
+    /// The density of the start of a ray that leaves a light: at the point `p` of an area light, by area; for infinite lights,
+    /// across the ray; 1 where it is a delta. The choice of the light is not in it.
+    pub fn pdf_position(&self, scene: &Scene, light: u32, p: Vec3) -> f32 {
+        match &scene.lights[light as usize] {
+            Light::Area(area) => area.pdf_area(p) * if area.two_sided { 0.5 } else { 1.0 },
+            Light::Point(_) | Light::Spot(_) => 1.0,
+            Light::Directional(_) | Light::Sun(_) | Light::Constant(_) | Light::Environment(_) => {
+                1.0 / (PI * self.sphere.radius * self.sphere.radius)
+            }
+        }
+    }
+
+    /// The density per solid angle of a ray's unit direction `d`, given the light and (for area lights) its normal at the start,
+    /// either side's. 1 where it is a delta.
+    pub fn pdf_direction(&self, scene: &Scene, light: u32, n: Vec3, d: Vec3) -> f32 {
+        match &scene.lights[light as usize] {
+            Light::Area(area) => {
+                let cos = if area.two_sided { n.dot(d).abs() } else { n.dot(d) };
+                cos.max(0.0) * INV_PI
+            }
+            Light::Point(_) => warp::UNIFORM_SPHERE_PDF,
+            Light::Spot(spot) => spot.pdf_emit(d),
+            Light::Directional(_) => 1.0,
+            other => other.pdf_escaped(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, -d),
+        }
+    }
+}
+
+/// The media at a light: those that a straight way from the camera, whose media are known, comes to.
+fn media_at(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
+    let mut media = scene.camera_medium;
+    let Some(start) = light.emit(sphere, Vec2::splat(0.5), Vec2::splat(0.5)) else { return media };
+    // A little before the light on the side to which it shines.
+    let end = start.o + start.d * (1e-4 * sphere.radius);
+    let mut o = scene.camera.ray(Vec2::ZERO, Vec2::splat(0.5)).ray.o;
+    for _ in 0..MAX_BORDERS {
+        let to = end - o;
+        let distance = to.length();
+        if !(distance > 0.0 && distance.is_finite()) {
+            break;
+        }
+        let ray = Ray { o, d: to / distance, t_min: 0.0, t_max: distance };
+        let Some(s) = scene.intersect(&ray) else { break };
+        media.cross(scene, &s, ray.d);
+        o = s.offset_origin(ray.d);
+    }
+    media
+}

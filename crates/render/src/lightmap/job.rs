@@ -1,0 +1,187 @@
+//! A bake from a description to maps.
+
+use etendue_scene::{RenderSettings, SceneDesc};
+
+use super::fill::{self, Map};
+use super::flatten::{Flat, flatten};
+use super::layout::Layout;
+use super::method::Method;
+use super::solve::{Points, Solution, Solver, Watcher, solve};
+use super::spots::{Spot, World, spots};
+use super::texels::TexelPoints;
+use super::vertices::{VertexLayout, VertexPoints};
+use super::{BakeError, BakeOptions, Target, checkpoint, seams};
+use crate::denoise::Denoiser;
+use crate::integrator::Stage;
+use crate::sampler::{Sampler, SamplerKind};
+use crate::scene::{self, Scene};
+use crate::session::{Cancel, Stop};
+
+/// A scene that is ready to be baked.
+pub struct Bake {
+    /// The scene in world space.
+    pub flat: Flat,
+    /// The same, compiled.
+    pub scene: Scene,
+    /// What gets light.
+    pub content: Content,
+    /// How it was cut.
+    pub options: BakeOptions,
+    settings: RenderSettings,
+    sampler: Sampler,
+    name: String,
+}
+
+/// What gets light.
+pub enum Content {
+    /// Texels and where their light is measured.
+    Texels(Layout, Vec<Spot>),
+    /// Vertices.
+    Vertices(VertexLayout),
+}
+
+/// Finished maps.
+#[derive(Clone, Debug, Default)]
+pub struct Baked {
+    /// Irradiance of each atlas, W·m⁻².
+    pub irradiance: Vec<Map>,
+    /// Share of light that the surface scatters.
+    pub albedo: Vec<Map>,
+    /// Unit normals of the baked side.
+    pub normal: Vec<Map>,
+    /// Unit direction from which most light comes.
+    pub direction: Vec<Map>,
+    /// Irradiance of each point of the vertices.
+    pub vertices: Vec<[f32; 3]>,
+    /// Texels inside of other bodies.
+    pub buried: usize,
+}
+
+impl Bake {
+    /// Flattens, unwraps and compiles a scene whose meshes are loaded.
+    ///
+    /// # Errors
+    /// [`BakeError`] where a setting or the scene does not allow it.
+    pub fn new(desc: &SceneDesc, settings: &RenderSettings, options: &BakeOptions, method: &str) -> Result<Self, BakeError> {
+        options.validate()?;
+        let flat = flatten(desc, options.sides)?;
+        let mut hidden = flat.desc.clone();
+        // Light that comes straight from lights is gathered apart from what integrators find.
+        hidden.integrator.hide_lights = true;
+        let scene = scene::compile(&hidden, settings, [64, 64]).map_err(BakeError::Faults)?;
+        drop(hidden);
+        let content = match options.target {
+            Target::Texels => {
+                let layout = Layout::new(&flat, options)?;
+                let spots = spots(&World { scene: &scene, flat: &flat }, &layout);
+                Content::Texels(layout, spots)
+            }
+            Target::Vertices => Content::Vertices(VertexLayout::new(&flat)),
+        };
+        let kind = match &settings.sampler {
+            None => SamplerKind::Sobol,
+            Some(name) => SamplerKind::from_name(name).ok_or_else(|| BakeError::Setting(format!("no sampler `{name}`")))?,
+        };
+        let spp = settings.spp.unwrap_or(0);
+        let stratified = if kind == SamplerKind::Stratified { spp } else { 0 };
+        let others = RenderSettings { spp: None, ..settings.clone() };
+        let name = format!("{} {method} {stratified} {options:?} {}", desc.content_hash(), others.given());
+        Ok(Self {
+            flat,
+            scene,
+            content,
+            options: options.clone(),
+            settings: settings.clone(),
+            sampler: Sampler { kind, seed: settings.seed, spp },
+            name,
+        })
+    }
+
+    /// Solves the scene by a method, as far as that is done before the first point.
+    ///
+    /// # Errors
+    /// [`BakeError::Setting`]
+    pub fn method(&self, name: &str, stage: &Stage) -> Result<Method, BakeError> {
+        Method::new(name, &self.scene, &self.settings, stage)
+    }
+
+    /// Path tracing by the settings.
+    pub fn path(&self) -> Method {
+        Method::path(&self.settings)
+    }
+
+    fn with_points<T>(&self, f: impl FnOnce(&dyn Points) -> T) -> T {
+        let world = World { scene: &self.scene, flat: &self.flat };
+        match &self.content {
+            Content::Texels(layout, spots) => f(&TexelPoints { world, layout, spots }),
+            Content::Vertices(layout) => f(&VertexPoints { world, layout, has_solids: self.flat.shapes.iter().any(|s| s.solid) }),
+        }
+    }
+
+    /// How many points get light.
+    pub fn point_count(&self) -> usize {
+        self.with_points(|p| p.len())
+    }
+
+    /// Writes a checkpoint.
+    ///
+    /// # Errors
+    /// The system's.
+    pub fn save(&self, path: &std::path::Path, solution: &Solution) -> std::io::Result<()> {
+        checkpoint::save(path, &self.name, solution)
+    }
+
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// [`BakeError::Checkpoint`] where it belongs to another scene or other settings; [`BakeError::Io`].
+    pub fn load(&self, path: &std::path::Path) -> Result<Solution, BakeError> {
+        checkpoint::load(path, &self.name, self.point_count())
+    }
+
+    /// Samples all points, from what a checkpoint holds on; returns whether no one has cancelled.
+    pub fn solve(&self, method: &Method, stop: Stop, solution: &mut Solution, cancel: &Cancel, watcher: &dyn Watcher) -> bool {
+        let solver = Solver { scene: &self.scene, method, sampler: self.sampler, stop };
+        self.with_points(|points| solve(&solver, points, solution, cancel, watcher))
+    }
+
+    /// Makes maps of a solution: fills gutters, removes noise where a denoiser is given, and lets the values on both sides of seams agree.
+    ///
+    /// # Errors
+    /// [`BakeError::Denoise`]
+    pub fn finish(&self, solution: &Solution, denoiser: Option<&Denoiser>) -> Result<Baked, BakeError> {
+        let (layout, spots) = match &self.content {
+            Content::Vertices(layout) => {
+                let vertices = (0..layout.len()).map(|i| solution.irradiance(i).unwrap_or_default()).collect();
+                return Ok(Baked { vertices, ..Baked::default() });
+            }
+            Content::Texels(layout, spots) => (layout, spots),
+        };
+        let padding = self.options.padding;
+        let points = TexelPoints { world: World { scene: &self.scene, flat: &self.flat }, layout, spots };
+        let materials = points.materials();
+        let albedo = fill::maps(layout, padding, |i| Some(materials[i].0));
+        let normal = fill::maps(layout, padding, |i| Some(materials[i].1));
+        let direction = fill::maps(layout, padding, |i| solution.irradiance(i).map(|_| solution.direction(i).to_array()));
+        let mut irradiance = fill::maps(layout, padding, |i| solution.irradiance(i));
+        // What is filled must not count as measured when it is filled again.
+        let refill = |maps: &[Map]| {
+            fill::maps(layout, padding, |i| {
+                let t = &layout.texels[i];
+                let map = &maps[t.atlas as usize];
+                (!spots[i].is_buried).then(|| map.data[map.index(t.at[0], t.at[1])])
+            })
+        };
+        if let Some(denoiser) = denoiser {
+            for (map, normal) in irradiance.iter_mut().zip(&normal) {
+                super::clean::denoise(denoiser, map, normal)?;
+            }
+            irradiance = refill(&irradiance);
+        }
+        if seams::stitch(&self.flat, layout, &mut irradiance) {
+            irradiance = refill(&irradiance);
+        }
+        let buried = spots.iter().filter(|s| s.is_buried).count();
+        Ok(Baked { irradiance, albedo, normal, direction, vertices: Vec::new(), buried })
+    }
+}

@@ -1,0 +1,187 @@
+//! Follows photons from the lights.
+//!
+//! Energies are kept by Russian roulette: a photon dies with the share of its power that a surface or medium takes, so that those that
+//! go on carry about what they left the light with (Arvo and Kirk 1990, doi:10.1145/97879.97886). Shading normals are corrected for
+//! particles (Veach 1997, section 5.3).
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::{Photon, Route};
+use crate::accel::Ray;
+use crate::bsdf::Lobe;
+use crate::integrator::emission::EmissionSampler;
+use crate::math::hash::hash_words;
+use crate::medium::MediumStack;
+use crate::sampler::{HashRng, Sampler, SamplerKind};
+use crate::scene::Scene;
+use crate::spectrum::Spectrum;
+
+/// Photons traced by one task: the unit in which the order of the result is put together.
+const TASK: u64 = 2048;
+/// A photon that only ever crosses surfaces straight on ends after so many of them.
+const MAX_CROSSINGS: u32 = 1024;
+/// After so many scattering events roulette kills at least one photon in twenty, so that closed white rooms end.
+const LONG_PATH: u32 = 32;
+
+/// Which photons are recorded.
+#[derive(Clone, Copy, Debug)]
+pub struct Keep {
+    /// Those that come straight from a light. Methods that sample the lights for themselves do not want them.
+    pub direct: bool,
+    /// Those that come by mirrors and refractors alone.
+    pub caustic: bool,
+    /// All others, and those that land in media.
+    pub indirect: bool,
+}
+
+impl Keep {
+    /// All photons.
+    pub const ALL: Self = Self { direct: true, caustic: true, indirect: true };
+
+    fn takes(self, route: Route) -> bool {
+        match route {
+            Route::Direct => self.direct,
+            Route::Caustic => self.caustic,
+            Route::Indirect => self.indirect,
+        }
+    }
+}
+
+/// What photons left behind, in the order of their indices.
+#[derive(Clone, Debug, Default)]
+pub struct Deposits {
+    /// On surfaces.
+    pub surface: Vec<Photon>,
+    /// Where media scatter them; powers are those after the loss by absorption there.
+    pub volume: Vec<Photon>,
+}
+
+/// Follows photons through a scene.
+pub struct Tracer<'a> {
+    scene: &'a Scene,
+    emission: EmissionSampler,
+    sampler: Sampler,
+    max_depth: u32,
+    keep: Keep,
+}
+
+impl<'a> Tracer<'a> {
+    /// Photons of a seed. `max_depth` is the longest path in scattering events, the last of which is where the light is seen.
+    pub fn new(scene: &'a Scene, seed: u64, max_depth: u32, keep: Keep) -> Self {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: hash_words([seed, u64::from_le_bytes(*b"photons\0")]), spp: 0 };
+        Self { scene, emission: EmissionSampler::new(scene), sampler, max_depth, keep }
+    }
+
+    /// The deposits of the photons of a range of indices, in `pass`: each pass has photons of its own. Does not depend on threads.
+    pub fn trace(&self, pass: u32, range: Range<u64>) -> Deposits {
+        let tasks = range.end.saturating_sub(range.start).div_ceil(TASK);
+        let parts: Vec<Deposits> = (0..tasks)
+            .into_par_iter()
+            .map(|task| {
+                let begin = range.start + task * TASK;
+                let mut out = Deposits::default();
+                (begin..(begin + TASK).min(range.end)).for_each(|i| self.photon(pass, i, &mut out));
+                out
+            })
+            .collect();
+        let total = |of: fn(&Deposits) -> &Vec<Photon>| parts.iter().map(|p| of(p).len()).sum();
+        let mut all = Deposits { surface: Vec::with_capacity(total(|d| &d.surface)), volume: Vec::with_capacity(total(|d| &d.volume)) };
+        for part in parts {
+            all.surface.extend_from_slice(&part.surface);
+            all.volume.extend_from_slice(&part.volume);
+        }
+        all
+    }
+
+    /// Follows one photon.
+    pub fn photon(&self, pass: u32, index: u64, out: &mut Deposits) {
+        let scene = self.scene;
+        let mut stream = self.sampler.stream((index >> 32) as u32, pass, index as u32);
+        let mut rng = if scene.has_media { stream.rng() } else { HashRng::default() };
+        let (u_light, u_position, u_direction) = (stream.next_1d(), stream.next_2d(), stream.next_2d());
+        let Some(emission) = self.emission.sample(scene, u_light, u_position, u_direction) else { return };
+        let mut power = emission.power();
+        let group = emission.group;
+        let mut ray = emission.ray;
+        let mut media: MediumStack = self.emission.media(emission.light);
+        let (mut route, mut depth, mut crossings) = (Route::Direct, 0, 0);
+        while depth < self.max_depth {
+            let found = scene.intersect(&ray);
+            let before = power;
+            if let Some(medium) = scene.medium(&media) {
+                let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
+                if medium.scatters() {
+                    let flight = medium.sample_flight(&ray, t_max, power, stream.next_1d(), &mut rng);
+                    power *= flight.weight;
+                    if let Some(t) = flight.scattered_at {
+                        let (p, wo) = (ray.at(t), -ray.d);
+                        if self.keep.indirect || (route == Route::Direct && self.keep.direct) {
+                            push(&mut out.volume, Photon::new(p, wo, wo, power, group, depth, route));
+                        }
+                        let sample = medium.phase().sample(wo, stream.next_2d());
+                        power *= sample.weight;
+                        (route, depth) = (Route::Indirect, depth + 1);
+                        ray = Ray::new(p, sample.wi);
+                        if !survives(before, &mut power, depth, stream.next_1d()) {
+                            return;
+                        }
+                        continue;
+                    }
+                } else {
+                    power *= medium.transmittance(&ray, t_max, &mut rng);
+                }
+            }
+            let Some(s) = found else { return };
+            let wo = -ray.d;
+            let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
+            if scatter.is_smooth_anywhere() && self.keep.takes(route) {
+                push(&mut out.surface, Photon::new(s.p, wo, s.ng, power, group, depth, route));
+            }
+            let (u_lobe, u, u_roulette) = (stream.next_1d(), stream.next_2d(), stream.next_1d());
+            let Some(sample) = scatter.sample_particle(s.ng, wo, u_lobe, u) else { return };
+            power *= sample.value / sample.pdf;
+            if scene.has_media && sample.lobe.contains(Lobe::TRANSMISSION) {
+                media.cross(scene, &s, sample.wi);
+            }
+            ray = Ray::new(s.offset_origin(sample.wi), sample.wi);
+            if sample.lobe.contains(Lobe::NULL) {
+                crossings += 1;
+                if crossings > MAX_CROSSINGS || power.is_black() {
+                    return;
+                }
+                continue;
+            }
+            depth += 1;
+            let specular = sample.lobe.contains(Lobe::DELTA) || !scatter.has_diffuse();
+            route = match route {
+                Route::Direct | Route::Caustic if specular => Route::Caustic,
+                _ => Route::Indirect,
+            };
+            if !survives(before, &mut power, depth, u_roulette) {
+                return;
+            }
+        }
+    }
+}
+
+/// Adds a photon unless it carries nothing, or numbers that are none.
+#[inline]
+fn push(photons: &mut Vec<Photon>, photon: Photon) {
+    if photon.is_finite() && photon.power != [0.0; 3] {
+        photons.push(photon);
+    }
+}
+
+/// Roulette by the share of power that is left.
+#[inline]
+fn survives(before: Spectrum, power: &mut Spectrum, depth: u32, u: f32) -> bool {
+    let most = if depth >= LONG_PATH { 0.95 } else { 1.0 };
+    let share = (power.max_component() / before.max_component()).min(most);
+    if !(u < share) || !power.is_finite() {
+        return false;
+    }
+    *power /= share;
+    true
+}

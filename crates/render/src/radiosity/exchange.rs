@@ -1,0 +1,159 @@
+//! What all solvers share: the factor between any two nodes, and the state that they leave.
+
+use glam::Vec3;
+
+use super::form_factor::{Estimate, PairRandom, Side, between_triangles, point_of, visibility};
+use super::mesh::{Mesh, Node};
+use crate::scene::Scene;
+use crate::spectrum::Spectrum;
+
+/// Points that stand for a cluster.
+const CLUSTER_SAMPLES: u32 = 8;
+
+/// A solution on a mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Solved {
+    /// The elements; its leaves hold the solution.
+    pub mesh: Mesh,
+    /// Irradiance of the leaves from lights that are no surfaces, by node, W·m⁻².
+    pub direct: Vec<Spectrum>,
+    /// Irradiance of the leaves, direct light included, by node, W·m⁻².
+    pub irradiance: Vec<Spectrum>,
+    /// Radiosity of all nodes, W·m⁻².
+    pub radiosity: Vec<Spectrum>,
+    /// Sum of form factors of each leaf, by node; 1 in a closed room. Empty where the solver does not know it.
+    pub row_sums: Vec<f32>,
+    /// Mean of |Aᵢ Fᵢⱼ − Aⱼ Fⱼᵢ| over the mean of Aᵢ Fᵢⱼ; `None` where the solver has not both.
+    pub reciprocity: Option<f32>,
+    /// What the solver did, in sentences.
+    pub notes: Vec<String>,
+}
+
+impl Solved {
+    /// Fluxes of the leaves in W: emitted, brought by lights that are no surfaces, absorbed.
+    pub fn fluxes(&self) -> [Spectrum; 3] {
+        let mut sums = [[0.0f64; 4]; 3];
+        for (i, n) in self.mesh.nodes.iter().enumerate() {
+            if !n.is_leaf() || n.is_cluster() {
+                continue;
+            }
+            let absorbed = (Spectrum::ONE - n.reflectance) * self.irradiance[i];
+            for (sum, v) in sums.iter_mut().zip([n.emission, self.direct[i], absorbed]) {
+                for c in 0..4 {
+                    sum[c] += f64::from(v.0[c]) * f64::from(n.area);
+                }
+            }
+        }
+        sums.map(|s| Spectrum(s.map(|v| v as f32)))
+    }
+}
+
+/// The factor between nodes of a mesh.
+pub struct Factors<'a> {
+    /// The scene, for visibility.
+    pub scene: &'a Scene,
+    /// The nodes.
+    pub mesh: &'a Mesh,
+    /// Selects the random numbers.
+    pub seed: u64,
+}
+
+/// A point that stands for a node, with the normal there and the face's node.
+struct Sample {
+    p: Vec3,
+    normal: Vec3,
+    face: u32,
+}
+
+impl Factors<'_> {
+    /// The factor from a receiver to a source, both no clusters; `rays` as in [`between_triangles`].
+    pub fn elements(&self, receiver: u32, source: u32, rays: u32) -> Estimate {
+        let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
+        let (face_r, face_s) = (self.mesh.face(r), self.mesh.face(s));
+        let passes = |p: Vec3, q: Vec3| {
+            let (p, np) = self.mesh.faces.on_surface(self.scene, face_r, p);
+            let (q, nq) = self.mesh.faces.on_surface(self.scene, face_s, q);
+            visibility(self.scene, p, np, q, nq)
+        };
+        let side = |n, normal| Side { corners: n, normal };
+        between_triangles(
+            &side(&r.corners, face_r.normal),
+            &side(&s.corners, face_s.normal),
+            rays,
+            PairRandom::new(self.seed, receiver, source),
+            passes,
+        )
+    }
+
+    /// The factor from a receiver to a source of which one at least is a cluster, by points of both. For a cluster as receiver it is
+    /// the factor of a surface of it that faces the source: times the cosine of its own, it is that of each of its faces (Smits, Arvo
+    /// and Greenberg 1994, "A Clustering Algorithm for Radiosity in Complex Environments", doi:10.1145/192161.192277).
+    pub fn clusters(&self, receiver: u32, source: u32, importance: f32) -> Estimate {
+        let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
+        let random = PairRandom::new(self.seed, receiver, source);
+        let n = if importance > 1.0 { 2 * CLUSTER_SAMPLES } else { CLUSTER_SAMPLES };
+        let is_cluster = r.is_cluster();
+        let mut halves = [0.0f32; 4];
+        let mut counts = [0u32; 4];
+        for i in 0..n {
+            let at = self.sample(r, receiver, random, 4 * i, i);
+            let from = self.sample(s, source, random, 4 * i + 2, i);
+            let d = from.p - at.p;
+            let dist2 = d.length_squared();
+            let cos_r = at.normal.dot(d);
+            if is_cluster && cos_r <= 0.0 {
+                // This face does not take part.
+                continue;
+            }
+            let cos_s = -from.normal.dot(d);
+            let quarter = (i % 4) as usize;
+            counts[quarter] += 1;
+            if !(cos_r > 0.0 && cos_s > 0.0 && dist2 > 0.0) {
+                continue;
+            }
+            let dist = dist2.sqrt();
+            let kernel = s.area * (cos_s / dist) / (std::f32::consts::PI * dist2);
+            let kernel = if is_cluster { kernel } else { kernel * (cos_r / dist) };
+            let (face_r, face_s) =
+                (self.mesh.face(&self.mesh.nodes[at.face as usize]), self.mesh.face(&self.mesh.nodes[from.face as usize]));
+            let (p, np) = self.mesh.faces.on_surface(self.scene, face_r, at.p);
+            let (q, nq) = self.mesh.faces.on_surface(self.scene, face_s, from.p);
+            halves[quarter] += kernel.min(1.0) * visibility(self.scene, p, np, q, nq);
+        }
+        let count: u32 = counts.iter().sum();
+        if count == 0 {
+            return Estimate::default();
+        }
+        let factor = (halves.iter().sum::<f32>() / count as f32).min(1.0);
+        Estimate { factor, spread: 0.0 }
+    }
+
+    /// A point of a node: children by area, then uniform. Points with the index `i` fall into the node's quarters in turn.
+    fn sample(&self, node: &Node, index: u32, random: PairRandom, at: u32, i: u32) -> Sample {
+        let (mut node, mut index) = (node, index);
+        let mut u = random.pair(at).x;
+        if node.is_cluster() {
+            u = (u + (i % 8) as f32 * 0.125).fract() * 0.125 + (i % 8) as f32 * 0.125;
+        }
+        while node.is_cluster() {
+            let first = &self.mesh.nodes[node.first_child as usize];
+            let share = first.area / (first.area + self.mesh.nodes[node.first_child as usize + 1].area);
+            if u < share {
+                u /= share;
+                index = node.first_child;
+            } else {
+                u = (u - share) / (1.0 - share);
+                index = node.first_child + 1;
+            }
+            node = &self.mesh.nodes[index as usize];
+        }
+        let v = random.pair(at + 1);
+        let corners = super::form_factor::quarter(&node.corners, (i % 4) as usize);
+        Sample { p: point_of(&corners, v), normal: self.mesh.face(node).normal, face: index }
+    }
+}
+
+/// Sum over the areas of nodes of a value.
+pub fn area_sum(mesh: &Mesh, nodes: impl Iterator<Item = u32>, value: impl Fn(u32) -> f32) -> f64 {
+    nodes.map(|i| f64::from(value(i)) * f64::from(mesh.nodes[i as usize].area)).sum()
+}

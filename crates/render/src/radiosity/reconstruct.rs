@@ -1,0 +1,173 @@
+//! From constant elements to light that varies smoothly over each surface, without leaks over corners.
+//!
+//! Each vertex gets the mean of the elements about it that are parts of one smooth surface, weighted by their angles there; between
+//! vertices the irradiance is linear. Where an element meets smaller ones, their vertex on its edge counts too: the element is drawn as
+//! four triangles between its corners and the middles of its edges, and an edge without such a vertex has the mean of its ends in
+//! the middle, so that there are no cracks. Elements are subdivided first until neighbors differ by one level at most (the
+//! restricted quadtree of Von Herzen and Barr 1987, doi:10.1145/37401.37434).
+
+use std::collections::HashSet;
+
+use glam::Vec3;
+use rayon::prelude::*;
+
+use super::exchange::Solved;
+use super::mesh::{MAX_LEVEL, descend_once};
+use crate::math::fns;
+use crate::scene::Scene;
+use crate::scene::geometry::NONE;
+use crate::spectrum::Spectrum;
+
+/// Surfaces whose shading normals differ by more than this cosine have an edge between them.
+const SMOOTH: f32 = 0.94;
+/// More elements at one vertex than this are not compared with each other: hostile meshes have one vertex for everything.
+const MAX_AROUND: usize = 96;
+/// Rounds of subdivision for neighbors that differ by one level.
+const MAX_ROUNDS: usize = 16;
+
+/// Position of a vertex, bit by bit.
+type Key = [u32; 3];
+
+fn key(p: Vec3) -> Key {
+    // Both zeros are the same place.
+    [p.x + 0.0, p.y + 0.0, p.z + 0.0].map(f32::to_bits)
+}
+
+/// Irradiance at the corners (0, 1, 2) and edge middles (01, 12, 20) of an element, R, G, B.
+type Values = [[f32; 3]; 6];
+
+/// Irradiance that is linear between vertices.
+#[derive(Clone, Debug, Default)]
+pub struct Smooth {
+    /// For each node its entry in `values`; [`NONE`] for all that are no leaves.
+    of_node: Vec<u32>,
+    values: Vec<Values>,
+}
+
+/// A corner or edge middle of an element at a vertex.
+struct Around {
+    key: Key,
+    /// Element's place among the leaves, and the slot in its [`Values`].
+    leaf: u32,
+    slot: u8,
+    normal: Vec3,
+    weight: f32,
+}
+
+impl Smooth {
+    /// Balances the mesh of a solution and finds the values at its vertices.
+    pub fn new(scene: &Scene, solved: &mut Solved) -> Self {
+        balance(scene, solved);
+        let leaves = solved.mesh.leaves();
+        let corners: HashSet<Key> = leaves.iter().flat_map(|&i| solved.mesh.nodes[i as usize].corners.map(key)).collect();
+        let mesh = &solved.mesh;
+        let mut around: Vec<Around> = leaves
+            .par_iter()
+            .enumerate()
+            .flat_map_iter(|(k, &i)| {
+                let node = &mesh.nodes[i as usize];
+                let face = mesh.face(node);
+                let c = node.corners;
+                let middles = [(c[0] + c[1]) * 0.5, (c[1] + c[2]) * 0.5, (c[2] + c[0]) * 0.5];
+                let normal_at = |p: Vec3| {
+                    let b = super::shapes::barycentric(&face.corners, p).max(Vec3::ZERO);
+                    mesh.faces.shading_normal(scene, face, b / (b.x + b.y + b.z).max(1e-20))
+                };
+                let mut out = arrayvec::ArrayVec::<Around, 6>::new();
+                for slot in 0..3usize {
+                    let (p, q, r) = (c[slot], c[(slot + 1) % 3], c[(slot + 2) % 3]);
+                    let weight = fns::acos((q - p).normalize_or_zero().dot((r - p).normalize_or_zero())).max(1e-3);
+                    let _ = out.try_push(Around { key: key(p), leaf: k as u32, slot: slot as u8, normal: normal_at(p), weight });
+                    if corners.contains(&key(middles[slot])) {
+                        let (p, slot) = (middles[slot], slot as u8 + 3);
+                        let _ =
+                            out.try_push(Around { key: key(p), leaf: k as u32, slot, normal: normal_at(p), weight: std::f32::consts::PI });
+                    }
+                }
+                out.into_iter()
+            })
+            .collect();
+        around.par_sort_unstable_by_key(|a| (a.key, a.leaf, a.slot));
+        let own = |a: &Around| solved.irradiance[leaves[a.leaf as usize] as usize];
+        let found: Vec<Spectrum> = around
+            .par_iter()
+            .enumerate()
+            .map(|(i, a)| {
+                let first = around.partition_point(|b| b.key < a.key);
+                let group = &around[first..];
+                let count = group.iter().take(MAX_AROUND + 1).take_while(|b| b.key == a.key).count();
+                if count > MAX_AROUND || i < first {
+                    return own(a);
+                }
+                let (mut sum, mut weight) = (Spectrum::ZERO, 0.0);
+                for b in &group[..count] {
+                    if a.normal.dot(b.normal) >= SMOOTH {
+                        sum += own(b) * b.weight;
+                        weight += b.weight;
+                    }
+                }
+                if weight > 0.0 { sum / weight } else { own(a) }
+            })
+            .collect();
+        let mut values = vec![[[f32::NAN; 3]; 6]; leaves.len()];
+        for (a, v) in around.iter().zip(&found) {
+            values[a.leaf as usize][a.slot as usize] = v.rgb();
+        }
+        values.par_iter_mut().for_each(|v| {
+            for e in 0..3 {
+                if v[3 + e][0].is_nan() {
+                    let (a, b) = (v[e], v[(e + 1) % 3]);
+                    v[3 + e] = std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
+                }
+            }
+        });
+        let mut of_node = vec![NONE; solved.mesh.nodes.len()];
+        leaves.iter().enumerate().for_each(|(k, &i)| of_node[i as usize] = k as u32);
+        Self { of_node, values }
+    }
+
+    /// Irradiance of a leaf at barycentric weights.
+    #[inline]
+    pub fn at(&self, leaf: u32, b: Vec3) -> Spectrum {
+        let Some(v) = self.of_node.get(leaf as usize).and_then(|&k| self.values.get(k as usize)) else { return Spectrum::ZERO };
+        // Corners of the quarters in the order of [`super::form_factor::quarter`].
+        const SLOTS: [[usize; 3]; 4] = [[0, 3, 5], [3, 1, 4], [5, 4, 2], [4, 5, 3]];
+        let (i, w) = descend_once(b);
+        let [x, y, z] = SLOTS[i as usize].map(|s| v[s]);
+        Spectrum::from_rgb(std::array::from_fn(|c| (w.x * x[c] + w.y * y[c] + w.z * z[c]).max(0.0)))
+    }
+}
+
+/// Subdivides elements beside much smaller ones; the parts have the whole's light.
+fn balance(scene: &Scene, solved: &mut Solved) {
+    let mut candidates = solved.mesh.leaves();
+    let mut corners: HashSet<Key> = candidates.iter().flat_map(|&i| solved.mesh.nodes[i as usize].corners.map(key)).collect();
+    for _ in 0..MAX_ROUNDS {
+        let is_coarse = |&i: &u32| {
+            let node = &solved.mesh.nodes[i as usize];
+            let c = node.corners;
+            node.is_leaf()
+                && node.level < MAX_LEVEL
+                && (0..3).any(|e| {
+                    let (a, b) = (c[e], c[(e + 1) % 3]);
+                    let m = (a + b) * 0.5;
+                    corners.contains(&key((a + m) * 0.5)) || corners.contains(&key((m + b) * 0.5))
+                })
+        };
+        let coarse: Vec<u32> = candidates.par_iter().copied().filter(is_coarse).collect();
+        if coarse.is_empty() {
+            return;
+        }
+        let first = solved.mesh.subdivide(scene, &coarse);
+        for i in first as usize..solved.mesh.nodes.len() {
+            let node = &solved.mesh.nodes[i];
+            let parent = node.parent as usize;
+            solved.irradiance.push(solved.irradiance[parent]);
+            solved.direct.push(solved.direct[parent]);
+            solved.radiosity.push(node.emission + node.reflectance * solved.irradiance[parent]);
+            corners.extend(node.corners.map(key));
+        }
+        // A new vertex may make any leaf too coarse.
+        candidates = solved.mesh.leaves();
+    }
+}
