@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, direct, particles, photon, sppm, radiosity, raster, illuminance, whitted, ao, normals."""
+    """How light is computed: path, light, bdpt, vcm, mlt, direct, particles, photon, sppm, radiosity, raster, whitted, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -32,6 +32,22 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    radiosity_method: str | None
+    """How radiosity is solved: hierarchical, progressive, matrix."""
+    radiosity_error: float | None
+    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
+    radiosity_elements: int | None
+    """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
+    radiosity_links: int | None
+    """Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given."""
+    radiosity_form_factors: str | None
+    """How progressive and matrix radiosity find form factors: rays, hemicube."""
+    radiosity_solver: str | None
+    """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
+    radiosity_gather: int | None
+    """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
+    radiosity_display: str | None
+    """How the radiosity solution is drawn without gathering: smooth, elements, mesh."""
     shadow_filter: str | None
     """How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them)."""
     shadow_resolution: int | None
@@ -44,22 +60,6 @@ class RenderSettings(TypedDict, total=False):
     """What mirrors show with the raster integrator: none, sky, object (maps captured from the middle of each reflecting object)."""
     envmap_correction: str | None
     """How captured environment maps mend that all their rays start in one point: none, box."""
-    radiosity_method: str | None
-    """How radiosity is solved: hierarchical, progressive, matrix."""
-    radiosity_error: float | None
-    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
-    radiosity_elements: int | None
-    """Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given."""
-    radiosity_links: int | None
-    """Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given."""
-    radiosity_form_factors: str | None
-    """How progressive and matrix radiosity find form factors: rays, hemicube."""
-    radiosity_solver: str | None
-    """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
-    radiosity_gather: int | None
-    """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
-    radiosity_display: str | None
-    """How the radiosity solution is drawn without gathering: smooth, elements, mesh."""
     light_groups: bool | None
     """Record the light of each named light and emitting shape apart, as `light.NAME.R/G/B` of EXR and film files."""
     mipmap: bool | None
@@ -69,7 +69,7 @@ class RenderSettings(TypedDict, total=False):
     photon_neighbors: int | None
     """Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given."""
     photon_radius: float | None
-    """Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given."""
+    """Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given."""
     photon_memory: int | None
     """Most memory for photons; where they are more, they are thinned, with a message."""
     photon_map: str | None

@@ -29,12 +29,14 @@ enum Command {
     Render(Box<commands::render::Args>),
     /// Render a POV-Ray scene with POV-Ray's own switches and .ini files.
     Pov(commands::pov::Args),
-    /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
-    Light(Box<commands::light::Args>),
     /// Bake a scene's light into textures or vertices, as glTF.
     Bake(Box<commands::bake::Args>),
+    /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
+    Light(Box<commands::light::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
+    /// Print the form factors of a scene's elements as a table.
+    FormFactors(Box<commands::form_factors::Args>),
     /// Convert a scene to another format.
     Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
@@ -69,9 +71,10 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let result = match cli.command {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
-        Command::Light(args) => commands::light::run(*args),
         Command::Bake(args) => commands::bake::run(*args),
+        Command::Light(args) => commands::light::run(*args),
         Command::Info(args) => commands::info::run(args),
+        Command::FormFactors(args) => commands::form_factors::run(*args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),

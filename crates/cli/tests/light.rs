@@ -46,7 +46,8 @@ const GRID: &str = "name=a \"b\",position=0 0 1,normal=0 0 1,columns=3,rows=2,sp
 #[test]
 fn grids_are_reported_as_csv_json_and_pictures() {
     let dir = Dir::new("grid");
-    let out = dir.run(&["--grid", GRID, "--sensor-samples", "16", "--max-depth", "1", "-o", "a.csv", "-o", "a.json", "--grid-picture", "a.png"]);
+    let out =
+        dir.run(&["--grid", GRID, "--sensor-samples", "16", "--max-depth", "1", "-o", "a.csv", "-o", "a.json", "--grid-picture", "a.png"]);
     assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr));
     assert!(String::from_utf8_lossy(&out.stdout).contains("6 sensors"));
     let csv = std::fs::read_to_string(dir.0.join("a.csv")).unwrap();

@@ -101,6 +101,7 @@ fn closed_rooms_sum_all_reflections() {
     );
     let _ = ball;
     for r in read(&desc, "position=0 0 0.5,normal=0 1 1,columns=3,spacing=0.6", 8192) {
+        eprintln!("{r:?}");
         assert_reads("integrating sphere", &r, 2.0 * PI);
     }
 }

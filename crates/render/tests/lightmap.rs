@@ -2,6 +2,7 @@
 
 mod support;
 
+use etendue_render::integrator::Stage;
 use etendue_render::lightmap::output::{self, Display};
 use etendue_render::lightmap::probes::{self, Grid};
 use etendue_render::lightmap::{Bake, BakeError, BakeOptions, Baked, Content, Layout, Sides, Solution, Target, Watcher};
@@ -271,6 +272,28 @@ fn files_that_are_read_again_show_the_light() {
 }
 
 #[test]
+fn all_methods_find_the_same_light() {
+    let desc = corner();
+    let settings = RenderSettings { photons: Some(100_000), photon_neighbors: Some(32), ..RenderSettings::default() };
+    let is_cancelled = || false;
+    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
+    let bake = Bake::new(&desc, &settings, &small(), "path").unwrap();
+    let mean = |name: &str, gather: bool, spp: u32| {
+        let method = bake.method(name, gather, &stage, &mut Vec::new()).unwrap();
+        let mut solution = Solution::new(bake.point_count());
+        bake.solve(&method, Stop { spp: Some(spp), ..Stop::default() }, &mut solution, &Cancel::default(), &Quiet);
+        (0..solution.sums.len()).filter_map(|i| solution.irradiance(i)).map(|e| f64::from(e[0] + e[1] + e[2])).sum::<f64>()
+    };
+    let expected = mean("path", false, 64);
+    for (name, gather, spp, tolerance) in
+        [("radiosity", false, 4, 0.02), ("radiosity", true, 32, 0.02), ("particles", true, 32, 0.02), ("particles", false, 4, 0.08)]
+    {
+        let ratio = mean(name, gather, spp) / expected;
+        assert!((ratio - 1.0).abs() < tolerance, "{name}, final gathering {gather}: {ratio}");
+    }
+}
+
+#[test]
 fn vertices_show_the_light_as_well_and_viewers_multiply_it_with_the_base_color() {
     let mut desc = corner();
     let direct = mean_of(&desc, u32::MAX, 64);
@@ -444,8 +467,8 @@ fn wrong_settings_are_refused_with_a_sentence() {
     refused(BakeOptions { texels_per_meter: Some(f64::NAN), ..small() }, "positive");
     let lit = Bake::new(&desc, &RenderSettings::default(), &small(), "path").unwrap();
     let is_cancelled = || false;
-    let stage = etendue_render::integrator::Stage { size: [1, 1], seed: 0, is_cancelled: &is_cancelled, progress: &|_, _| {} };
-    assert!(lit.method("magic", &stage).err().unwrap().to_string().contains("radiosity"));
+    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
+    assert!(lit.method("magic", false, &stage, &mut Vec::new()).err().unwrap().to_string().contains("radiosity"));
 }
 
 #[test]

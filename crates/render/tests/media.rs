@@ -371,3 +371,45 @@ fn by_technique(desc: &SceneDesc, settings: &RenderSettings, equiangular: bool, 
     };
     Blocks::new(&(0..4).map(film).collect::<Vec<Film>>(), 4)
 }
+
+#[test]
+fn methods_without_scattering_attenuate_and_say_so() {
+    // Straight down through half a unit of a medium on a floor that emits 2.
+    let (a, s) = ([0.5f32, 1.0, 0.0], [0.5f32, 2.0, 0.4]);
+    let mut desc = scene();
+    let black = diffuse(&mut desc, 0.0);
+    let floor = rectangle(&mut desc, Vec3::ZERO, [50.0; 2], false, Some(black));
+    emit(&mut desc, floor, Color::gray(2.0));
+    let medium = homogeneous(&mut desc, a, s, 0.0);
+    let nothing = bsdf(&mut desc, BsdfDesc::Null);
+    let place = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.75)) * Mat4::from_scale(Vec3::new(20.0, 20.0, 0.25));
+    let slab = shape(&mut desc, GeometryDesc::Cube, place, Some(nothing));
+    desc.shapes[slab.0 as usize].value.interior = Some(medium);
+    orthographic(&mut desc, Vec3::new(0.0, 0.0, 3.0), Vec3::ZERO, 0.1);
+    let through = [0, 1, 2].map(|k| (-0.5 * f64::from(a[k] + s[k])).exp());
+    let of = |integrator: &str| RenderSettings { integrator: Some(integrator.into()), ..settings(8, 8, 4) };
+    assert_known("whitted", &films(&desc, &of("whitted")), 8, through.map(|t| 2.0 * t), 1e-3);
+    // No one else is near: all of the sky, seen through the medium; the floor's normal is +z.
+    assert_known("ao", &films(&desc, &of("ao")), 8, through, 1e-3);
+    assert_known("normals", &films(&desc, &of("normals")), 8, [0.5 * through[0], 0.5 * through[1], through[2]], 1e-3);
+    let mut whitted = session(&desc, &of("whitted"));
+    let stop = etendue_render::session::Stop { spp: Some(1), ..Default::default() };
+    whitted.render(&stop, &etendue_render::session::Cancel::default(), &etendue_render::session::Silent).unwrap();
+    assert!(whitted.notes().iter().any(|n| n.contains("media")), "{:?}", whitted.notes());
+}
+
+#[test]
+fn pictures_of_media_do_not_depend_on_threads() {
+    let mut desc = scene();
+    let medium = lumps(&mut desc, 4.0, [0.9; 3]);
+    filled(&mut desc, BsdfDesc::Null, medium);
+    constant_sky(&mut desc, 1.0);
+    add(&mut desc, LightDesc::Point { position: Vec3::new(0.0, 0.0, 3.0), intensity: [5.0; 3] });
+    perspective(&mut desc, Vec3::new(3.0, 1.0, 2.0), Vec3::ZERO, 50.0);
+    let settings = settings(40, 40, 2);
+    let with_threads = |n: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build().unwrap();
+        pool.install(|| render(&desc, &settings).develop().channel("R").unwrap().to_vec())
+    };
+    assert_eq!(with_threads(1), with_threads(3));
+}

@@ -286,7 +286,7 @@ fn cameras_of_all_kinds_see_what_rays_see() {
                     principal_point_offset: [0.1, -0.2],
                 };
                 let world_from_camera = look_at(Vec3::new(3.0, -6.0, 5.0), Vec3::ZERO);
-                add(&mut desc, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY });
+                add(&mut desc, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium: None });
             }
         }
         add(&mut desc, LightDesc::Directional { direction: -Vec3::Z, irradiance: [3.0; 3] });

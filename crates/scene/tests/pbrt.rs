@@ -266,11 +266,11 @@ fn unknown_parameters_are_told() {
 #[test]
 fn what_cannot_be_rendered_is_in_the_loss_report() {
     let desc = world(
-        "Material \"hair\" Shape \"sphere\" MakeNamedMedium \"m\" \"string type\" \"nanovdb\"\n\
+        "Material \"hair\" Shape \"sphere\" MakeNamedMedium \"m\" \"string type\" \"cloud\"\n\
          ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"",
     );
     let features: Vec<&str> = desc.report.losses.iter().map(|l| l.feature.as_str()).collect();
-    assert_eq!(features, ["Material \"hair\"", "medium \"nanovdb\"", "moving transform"]);
+    assert_eq!(features, ["Material \"hair\"", "medium \"cloud\"", "moving transform"]);
 }
 
 #[test]

@@ -204,7 +204,7 @@ class Worker:
             crop=parts.crop,
             spp=parts.spp,
             is_adaptive=parts.is_adaptive,
-            is_whole=parts.splats,
+            is_whole=parts.splats or parts.has_costly_passes,
             secs_per_sample=max(last_secs, 1e-6) / last_work,
             load_secs=prepared.secs,
         )

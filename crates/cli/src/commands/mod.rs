@@ -5,6 +5,7 @@ pub mod bench;
 pub mod compare;
 pub mod convert;
 pub mod denoise;
+pub mod form_factors;
 pub mod info;
 pub mod light;
 pub mod merge;

@@ -1,5 +1,6 @@
 //! Ambient occlusion: the cosine-weighted share of the hemisphere in which nothing is near.
 
+use super::light_sampling::{first_surface, is_blocked};
 use super::path::first_hit;
 use super::{Estimate, Integrator};
 use crate::accel::Ray;
@@ -9,7 +10,8 @@ use crate::sampler::SampleStream;
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
-/// White surfaces under a white sky of the given reach. It knows no lights and no materials.
+/// White surfaces under a white sky of the given reach. It knows no lights and no materials; media dim what is seen through them and
+/// occlude nothing.
 #[derive(Clone, Copy, Debug)]
 pub struct AmbientOcclusion {
     /// What is farther does not occlude.
@@ -19,16 +21,17 @@ pub struct AmbientOcclusion {
 impl Integrator for AmbientOcclusion {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let u = stream.next_2d();
-        let Some(s) = scene.intersect(&camera_ray.ray) else { return };
+        let mut rng = stream.rng();
+        let Some((s, distance, through)) = first_surface(scene, &camera_ray.ray, &mut rng) else { return };
         let wo = -camera_ray.ray.d;
-        first_hit(scene, &s, wo, &scene.materials[s.material as usize].shade(scene, &s, wo), s.t, out);
+        first_hit(scene, &s, wo, &scene.materials[s.material as usize].shade(scene, &s, wo), distance, out);
         let n = if s.frame.n.dot(wo) < 0.0 { -s.frame.n } else { s.frame.n };
         let d = Frame::from_normal(n).world_from_local(warp::cosine_hemisphere(u));
         // Directions of the shading hemisphere that go into the surface are occluded by it.
         let outside = s.ng.dot(d) * s.ng.dot(wo) > 0.0;
         let ray = Ray { t_max: self.distance, ..Ray::new(s.offset_origin(d), d) };
-        if outside && !scene.occluded(&ray) {
-            out.add(Spectrum::from_rgb([1.0; 3]), 0);
+        if outside && !is_blocked(scene, &ray) {
+            out.add(Spectrum::from_rgb([1.0; 3]) * through, 0);
         }
     }
 }

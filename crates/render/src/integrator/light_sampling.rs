@@ -1,6 +1,8 @@
 //! Next-event estimation: light that reaches a point straight from a light, and the densities that weigh it against
 //! directions from the BSDF.
 
+use etendue_scene::desc::BsdfDesc;
+
 use crate::accel::Ray;
 use crate::light::{LightContext, LightSample};
 use crate::math::Vec3;
@@ -123,6 +125,51 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
         ray = Ray { o, t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
     }
     Spectrum::ZERO
+}
+
+/// What a camera ray meets first, its distance, and the share of light that the media on the way let through. Borders of media that
+/// are no surface are looked through where there are media.
+pub(super) fn first_surface(scene: &Scene, ray: &Ray, rng: &mut HashRng) -> Option<(Surface, f32, Spectrum)> {
+    if !scene.has_media {
+        return scene.intersect(ray).map(|s| (s.t, s)).map(|(t, s)| (s, t, Spectrum::ONE));
+    }
+    let (mut ray, mut media, mut through, mut distance) = (*ray, scene.camera_medium, Spectrum::ONE, 0.0);
+    for _ in 0..MAX_CROSSINGS {
+        let s = scene.intersect(&ray)?;
+        if let Some(medium) = scene.medium(&media) {
+            through *= medium.transmittance(&ray, s.t, rng);
+        }
+        distance += s.t;
+        if !is_border(scene, &s) {
+            return Some((s, distance, through));
+        }
+        media.cross(scene, &s, ray.d);
+        ray = Ray { o: s.offset_origin(ray.d), t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
+    }
+    None
+}
+
+/// Whether anything is in a ray's way; borders of media are not.
+pub(super) fn is_blocked(scene: &Scene, ray: &Ray) -> bool {
+    if !scene.has_media {
+        return scene.occluded(ray);
+    }
+    let mut ray = *ray;
+    for _ in 0..MAX_CROSSINGS {
+        match scene.intersect(&ray) {
+            None => return false,
+            Some(s) if is_border(scene, &s) => {
+                ray = Ray { o: s.offset_origin(ray.d), t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
+            }
+            Some(_) => return true,
+        }
+    }
+    true
+}
+
+/// Whether a surface is only the border of a medium.
+fn is_border(scene: &Scene, s: &Surface) -> bool {
+    matches!(scene.materials[s.material as usize].desc, BsdfDesc::Null) && s.object(scene).emission.is_none()
 }
 
 /// The density with which [`sample_one`] would have sampled a surface point of a light from a context: that of choosing the

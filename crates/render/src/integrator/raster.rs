@@ -98,9 +98,7 @@ impl Raster {
 
 impl Integrator for Raster {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
-        if scene.classic.is_some() || scene.solids.is_some() {
-            return Err("`raster` draws triangles, and the solids of POV-Ray scenes are none; `whitted` and `path` render them".to_owned());
-        }
+        scene.needs_triangles("raster")?;
         self.triangles = Triangles::from_scene(scene)?;
         let first = (stage.camera_sample)(0);
         let all =

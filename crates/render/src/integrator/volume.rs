@@ -105,7 +105,7 @@ pub(super) fn advance(
     let mut segment = None;
     if let Medium::Homogeneous(m) = medium
         && equiangular
-        && scene.light_places.iter().any(Option::is_some)
+        && !scene.light_places.is_empty()
     {
         let lanes = Homogeneous::lanes(before);
         let s = Segment::new(m, ray, t_max, lanes);

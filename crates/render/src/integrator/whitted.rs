@@ -6,13 +6,13 @@
 
 use super::light_sampling::{context, visibility};
 use super::path::first_hit;
-use super::{Estimate, Integrator};
+use super::{Estimate, Integrator, Stage};
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::material::Part;
 use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3};
-use crate::medium::MediumStack;
+use crate::medium::{Medium, MediumStack};
 use crate::sampler::SampleStream;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
@@ -21,10 +21,12 @@ use crate::spectrum::Spectrum;
 const MIN_THROUGHPUT: f32 = 1.0 / 1024.0;
 
 /// The recursive ray tracer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Whitted {
     /// Recursion level: how many mirrors and refractions a ray may meet; `None`: as many as a classic scene says, else 8.
     pub max_depth: Option<u32>,
+    /// Whether the scene has media that scatter; found by [`Integrator::prepare`].
+    pub has_scattering: bool,
 }
 
 /// A ray to be followed.
@@ -36,6 +38,16 @@ struct Pending {
 }
 
 impl Integrator for Whitted {
+    fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
+        self.has_scattering = scene.has_media && scene.media.iter().any(Medium::scatters);
+        Ok(())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let note = "media absorb and glow, but the light that they scatter is missing: `whitted` cannot compute it, `path` can";
+        if self.has_scattering { vec![note.to_owned()] } else { Vec::new() }
+    }
+
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         if let Some(classic) = &scene.classic {
             let (picture, lens) = (camera_ray.picture.as_dvec2(), camera_ray.u_lens.as_dvec2());

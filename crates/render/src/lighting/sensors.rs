@@ -3,7 +3,8 @@
 use rayon::prelude::*;
 
 use super::{SensorGrid, photometric};
-use crate::integrator::{Estimate, Integrator, sample_irradiance, sensor};
+use crate::integrator::irradiance::{Receiver, sensor};
+use crate::integrator::{Estimate, Integrator};
 use crate::math::Vec3;
 use crate::sampler::{Sampler, SamplerKind};
 use crate::scene::Scene;
@@ -81,8 +82,9 @@ pub fn measure(
 
 fn read(scene: &Scene, inner: &dyn Integrator, p: Vec3, n: Vec3, number: u32, options: &SensorOptions) -> Reading {
     let per_batch = options.samples.div_ceil(BATCHES).max(1);
-    let sensor = sensor(p, n);
     let mut kept = Estimate::default();
+    let surface = sensor(p, n);
+    let receiver = Receiver { scene, indirect: Some(inner), surface: &surface };
     let means: Vec<f64> = (0..BATCHES)
         .map(|batch| {
             // Batches are scrambled apart, so that their means are independent.
@@ -90,7 +92,7 @@ fn read(scene: &Scene, inner: &dyn Integrator, p: Vec3, n: Vec3, number: u32, op
             let sum: f64 = (0..per_batch)
                 .map(|i| {
                     let mut stream = sampler.stream(number, batch, i);
-                    let e = sample_irradiance(scene, inner, &sensor, &mut stream, &mut kept);
+                    let e = receiver.irradiance(&mut stream, &mut kept);
                     let lux = photometric(e, options.efficacy);
                     if lux.is_finite() { lux } else { 0.0 }
                 })

@@ -184,6 +184,8 @@ pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: Pair
         return Estimate::default();
     }
     let mut passed = [0.0f32; 4];
+    // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
+    let turn = (random.pair(u32::MAX).x * 4.0) as usize;
     let mut traced = 0u32;
     let mut trace = |passed: &mut [f32; 4], n: u32| {
         for k in traced..traced + n {
@@ -191,7 +193,7 @@ pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: Pair
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));
                 // Quarters of the source are paired with those of the receiver, turned by one each time.
-                let to = point_of(&quarter(source.corners, (i + k as usize) % 4), v);
+                let to = point_of(&quarter(source.corners, (i + k as usize + turn) % 4), v);
                 if (to - receiver.corners[0]).dot(receiver.normal) <= 0.0 {
                     // The part below the horizon is not in the factor; count the ray of the part above instead.
                     let flip = point_of(source.corners, u);

@@ -53,7 +53,7 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What each area light is part of: its light's `emission_id` is an index here.
     pub light_sources: Vec<LightSource>,
-    /// Middle and radius of each light that has a place; empty where no path can be in a medium.
+    /// Middle and radius of each light that has a place; empty where none has, or no path can be in a medium.
     pub light_places: Vec<Option<(Vec3, f32)>>,
     /// Light group of each light.
     pub light_groups: Vec<u32>,
@@ -179,6 +179,19 @@ impl Scene {
     pub fn hit_material(&self, hit: &Hit) -> &Material {
         let g = &self.geometries[self.placements[hit.instance as usize].geometry as usize];
         &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
+    }
+
+    /// Whether a method that needs triangles can be used.
+    ///
+    /// # Errors
+    /// A sentence for scenes of exact solids.
+    pub fn needs_triangles(&self, method: &str) -> Result<(), String> {
+        match self.solids {
+            None => Ok(()),
+            Some(_) => Err(format!(
+                "`{method}` needs triangles, and the solids of POV-Ray scenes are exact: path tracing and its kin can render them"
+            )),
+        }
     }
 
     /// Whether the camera does not see the light of a surface. Light sources of classic scenes have no surface of their own, only

@@ -5,6 +5,7 @@ mod exr;
 pub mod gltf;
 pub mod mesh;
 pub mod mitsuba;
+mod nanovdb;
 pub mod pbrt;
 mod picture_size;
 pub mod pov;

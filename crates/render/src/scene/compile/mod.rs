@@ -110,6 +110,9 @@ fn compile_with(
     if scene.has_media {
         let place = |l: &Light| l.bounds().map(|b| b.bounds.bounding_sphere());
         scene.light_places = scene.lights.iter().map(place).collect();
+        if scene.light_places.iter().all(Option::is_none) {
+            scene.light_places.clear();
+        }
     }
     if let Some(classic) = &desc.classic {
         let (world, warnings) = ClassicWorld::new(classic, size);

@@ -10,6 +10,8 @@ use crate::desc::{
     AddNode, EmissionSource, FieldDesc, GridMediumDesc, MediumDesc, MediumEmissionDesc, MediumId, Node, PhaseDesc, ScatteringDesc,
     VOLUME_LIMIT, VolumeDesc, VolumeFilter, VolumeId, VolumeWrap,
 };
+use crate::formats::Resolver;
+use crate::formats::nanovdb::{self, NanoGrid};
 use crate::formats::volume::clamp_negative;
 use crate::span::Span;
 
@@ -55,7 +57,8 @@ impl Reader {
             "homogeneous" => self.homogeneous(p, phase),
             "uniformgrid" => self.uniform_grid(p, phase),
             "rgbgrid" => self.rgb_grid(p, phase),
-            "cloud" | "nanovdb" => {
+            "nanovdb" => self.nanovdb(p, phase),
+            "cloud" => {
                 self.loss(p.span, format!("medium \"{kind}\""), "left out");
                 p.ignore(&OF_OTHERS);
                 None
@@ -176,6 +179,70 @@ impl Reader {
             }),
             phase,
         })))
+    }
+
+    /// `nanovdb`: coefficients times the `density` of a file, and the glow of its `temperature`.
+    fn nanovdb(&mut self, p: &Params, phase: PhaseDesc) -> Option<MediumDesc> {
+        let [sigma_a, sigma_s] = self.coefficients(p, [[1.0; 3]; 2])?;
+        let sigma_t = [0, 1, 2].map(|k| sigma_a[k] + sigma_s[k]);
+        let albedo = [0, 1, 2].map(|k| if sigma_t[k] > 0.0 { sigma_s[k] / sigma_t[k] } else { 0.0 });
+        let r = &mut self.desc.report;
+        let offset = p.float("temperatureoffset", 0.0, r) + p.float("temperaturecutoff", 0.0, r);
+        let factor = p.float("temperaturescale", 1.0, r);
+        let scale = p.float(if p.has("LeScale") { "LeScale" } else { "Lescale" }, 1.0, r);
+        let Some(name) = p.opt_text("filename", r).map(str::to_owned) else {
+            self.error(p.span, "a nanovdb medium needs `filename`");
+            return None;
+        };
+        let path = self.resolve(&name, p.span)?;
+        let bytes = match Resolver::read(&path) {
+            Ok(bytes) => bytes,
+            Err(e) => {
+                self.error(p.span, e.to_string());
+                return None;
+            }
+        };
+        let density = match self.nano_grid(&bytes, &name, "density", p.span)? {
+            Some(density) => density,
+            None => {
+                self.error(p.span, format!("`{name}` has no grid `density`"));
+                return None;
+            }
+        };
+        let kelvin = self.nano_grid(&bytes, &name, "temperature", p.span)?;
+        let emission = kelvin.map(|volume| MediumEmissionDesc {
+            source: EmissionSource::BlackBody {
+                kelvin: FieldDesc { factor: [factor; 3], volume: Some(volume) },
+                offset: -offset * factor,
+                scale,
+            },
+            by_absorption: true,
+        });
+        Some(MediumDesc::Grid(Box::new(GridMediumDesc {
+            extinction: FieldDesc { factor: sigma_t, volume: Some(density) },
+            scattering: ScatteringDesc::Albedo(FieldDesc::constant(albedo)),
+            emission,
+            phase,
+        })))
+    }
+
+    /// A grid of a NanoVDB file; the outer `None`, with a fault, where it cannot be read.
+    fn nano_grid(&mut self, bytes: &[u8], file: &str, name: &str, span: Span) -> Option<Option<VolumeId>> {
+        let NanoGrid { size, mut data, world_from_volume } = match nanovdb::read(bytes, name) {
+            Ok(Some(grid)) => grid,
+            Ok(None) => return Some(None),
+            Err(message) => {
+                self.error(span, format!("{file}: {message}"));
+                return None;
+            }
+        };
+        let negative = clamp_negative(&mut data);
+        if negative > 0 {
+            self.desc.report.warning(span, format!("{negative} values of `{name}` are below zero and count as zero"));
+        }
+        let world_from_volume = (self.state.transform() * world_from_volume).as_mat4();
+        let (filter, wrap) = (VolumeFilter::Linear, VolumeWrap::Zero);
+        Some(Some(self.desc.add(Node::named(name, span, VolumeDesc { size, channels: 1, data, world_from_volume, filter, wrap }))))
     }
 
     /// The grid that a parameter gives in the box of `p0` and `p1`.

@@ -291,7 +291,7 @@ impl Writer<'_> {
                 }
                 self.xml.open("medium", "homogeneous", &id);
                 let sigma_t = [0, 1, 2].map(|c| sigma_a[c] + sigma_s[c]);
-                self.xml.triple("rgb", "sigma_t", sigma_t);
+                self.constant("sigma_t", sigma_t);
                 self.xml.triple("rgb", "albedo", [0, 1, 2].map(|c| if sigma_t[c] > 0.0 { sigma_s[c] / sigma_t[c] } else { 0.0 }));
                 self.phase(phase);
             }
@@ -339,13 +339,25 @@ impl Writer<'_> {
     fn field(&mut self, name: &'static str, field: &FieldDesc, span: Span) -> io::Result<()> {
         let volume = field.volume.and_then(|id| Some((id, &self.desc.volumes.get(id.0 as usize)?.value)));
         let Some((id, volume)) = volume else {
-            self.xml.triple("rgb", name, field.factor);
+            self.constant(name, field.factor);
             return Ok(());
         };
         if volume.wrap == VolumeWrap::Zero {
             self.lose(span, "volume that is empty beyond its outermost values", "the outermost values up to the border");
         }
         self.volume(name, id.0 as usize, volume, field.factor)
+    }
+
+    /// A coefficient. Mitsuba takes colors above 1 for faults unless they are in a volume.
+    fn constant(&mut self, name: &'static str, value: [f32; 3]) {
+        let unbounded = value.iter().any(|v| *v > 1.0);
+        if unbounded {
+            self.xml.open_named("volume", "constvolume", name);
+        }
+        self.xml.triple("rgb", if unbounded { "value" } else { name }, value);
+        if unbounded {
+            self.xml.close();
+        }
     }
 
     /// A volume with a factor on its values.
