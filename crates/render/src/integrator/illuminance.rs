@@ -10,23 +10,20 @@ use crate::math::Frame;
 use crate::sampler::SampleStream;
 use crate::scene::{Scene, Surface};
 
-/// Shows the irradiance of what the camera sees, on the side that it sees, in W·m⁻² (times 683 lm/W: illuminance).
+/// Shows the irradiance of what the camera sees, on the side that it sees, in W·m⁻² (times 683 lm/W: illuminance). The scene
+/// hides its lights ([`super::hides_lights`]).
 pub struct Illuminance {
     inner: Box<dyn Integrator>,
 }
 
 impl Illuminance {
-    /// With the integrator that follows light between surfaces; `direct` asks for light straight from lights alone.
+    /// With the integrator that follows light between surfaces.
     pub fn new(inner: Box<dyn Integrator>) -> Self {
         Self { inner }
     }
 }
 
 impl Integrator for Illuminance {
-    fn hides_lights(&self) -> bool {
-        true
-    }
-
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let Some(s) = scene.intersect(&camera_ray.ray) else { return };
         let wo = -camera_ray.ray.d;

@@ -198,11 +198,6 @@ pub trait Integrator: Send + Sync {
         false
     }
 
-    /// Whether the scene is to hide its lights from the camera for this method, whatever the file says.
-    fn hides_lights(&self) -> bool {
-        false
-    }
-
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -242,6 +237,11 @@ pub const NAMES: &[&str] = &[
 
 /// The integrator where neither the user nor the file names one.
 pub const DEFAULT: &str = "auto";
+
+/// Whether the method that the settings or the file name wants lights hidden from the camera, whatever the file says of that.
+pub fn hides_lights(settings: &RenderSettings, desc: &IntegratorDesc) -> bool {
+    settings.integrator.as_deref().unwrap_or(&desc.name) == "illuminance"
+}
 
 /// The integrator that the settings name, else the file's, else [`DEFAULT`].
 ///

@@ -173,9 +173,8 @@ fn filter(desc: FilterDesc) -> Filter {
 /// [`JobError`]
 pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &[Aov]) -> Result<Session, JobError> {
     // A wrong name is told before any work is done.
-    let hides_lights = method(desc, settings, plan)?.hides_lights();
-    let mut scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
-    scene.hide_lights |= hides_lights;
+    method(desc, settings, plan)?;
+    let scene = scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
     prepare_compiled(desc, settings, plan, aovs, Arc::new(scene))
 }
 
