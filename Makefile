@@ -93,10 +93,10 @@ wheel: $(VENV)/installed
 	$(BIN)/maturin build --release --locked --out target/wheels
 
 # Stamps: installed again only where the list of tools has changed.
-$(VENV)/installed: requirements-dev.txt requirements-farm.txt
+$(VENV)/installed: requirements-dev.txt requirements-farm.txt requirements-console.txt
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	echo "Installing the Python tools into $(VENV)"
-	$(BIN)/pip install --quiet --requirement requirements-dev.txt --requirement requirements-farm.txt
+	$(BIN)/pip install --quiet --requirement requirements-dev.txt --requirement requirements-farm.txt --requirement requirements-console.txt
 	touch $@
 
 $(WHEEL_VENV)/installed: requirements-dev.txt

@@ -65,6 +65,7 @@ class Prepared:
     spp: int
     is_adaptive: bool
     splats: bool
+    has_costly_passes: bool
     integrator: str
     scene_hash: str
     warnings: list[str]
@@ -72,7 +73,7 @@ class Prepared:
 
 def film_merge(films: Sequence[bytes]) -> bytes: ...
 def film_info(films: Sequence[bytes]) -> dict[str, Any]: ...
-def film_layers(films: Sequence[bytes], variance: bool, samples: bool) -> _Layers: ...
+def film_layers(films: Sequence[bytes], variance: bool, samples: bool, whole: bool = False) -> _Layers: ...
 def film_picture(
     films: Sequence[bytes], path: str | os.PathLike[str], operator: str, exposure: float, variance: bool, samples: bool
 ) -> None: ...

@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """How light is computed: path, direct, particles, photon, sppm, whitted, ao, normals."""
+    """How light is computed: auto, path, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -32,12 +32,24 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    shadow_filter: str | None
+    """How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them)."""
+    shadow_resolution: int | None
+    """Edge of a shadow map; 1024 where not given."""
+    shadow_bias: float | None
+    """Factor on the biases of shadow maps: 0 shows acne, much more than 1 moves shadows away from their casters."""
+    shadow_maps: str | None
+    """Where shadow maps are drawn from: center (of each light), sampled (a new place of each light and the sky for every sample)."""
+    envmap: str | None
+    """What mirrors show with the raster integrator: none, sky, object (maps captured from the middle of each reflecting object)."""
+    envmap_correction: str | None
+    """How captured environment maps mend that all their rays start in one point: none, box."""
     radiosity_method: str | None
     """How radiosity is solved: hierarchical, progressive, matrix."""
     radiosity_error: float | None
     """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
     radiosity_elements: int | None
-    """Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given."""
+    """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
     radiosity_links: int | None
     """Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given."""
     radiosity_form_factors: str | None
@@ -57,7 +69,7 @@ class RenderSettings(TypedDict, total=False):
     photon_neighbors: int | None
     """Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given."""
     photon_radius: float | None
-    """Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given."""
+    """Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given."""
     photon_memory: int | None
     """Most memory for photons; where they are more, they are thinned, with a message."""
     photon_map: str | None

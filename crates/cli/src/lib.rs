@@ -31,8 +31,12 @@ enum Command {
     Pov(commands::pov::Args),
     /// Bake a scene's light into textures or vertices, as glTF.
     Bake(Box<commands::bake::Args>),
+    /// Measure lux and candela per square meter: sensor grids, false-color pictures, uniformity.
+    Light(Box<commands::light::Args>),
     /// Print what a scene file holds and what of it is not honored.
     Info(commands::info::Args),
+    /// Print the form factors of a scene's elements as a table.
+    FormFactors(Box<commands::form_factors::Args>),
     /// Convert a scene to another format.
     Convert(commands::convert::Args),
     /// Measure the renderer's kernels.
@@ -68,7 +72,9 @@ pub fn main(args: impl IntoIterator<Item = OsString>) -> ExitCode {
         Command::Render(args) => commands::render::run(*args),
         Command::Pov(args) => commands::pov::run(args),
         Command::Bake(args) => commands::bake::run(*args),
+        Command::Light(args) => commands::light::run(*args),
         Command::Info(args) => commands::info::run(args),
+        Command::FormFactors(args) => commands::form_factors::run(*args),
         Command::Convert(args) => commands::convert::run(args),
         Command::Bench(args) => commands::bench::run(args),
         Command::Compare(args) => commands::compare::run(args),

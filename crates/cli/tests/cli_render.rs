@@ -178,7 +178,7 @@ fn exit_codes_tell_what_is_wrong_before_any_work() {
         ("render scene.xml --sharpness 3", 2, "--sharpness"),
         ("render scene.xml --spp many", 2, "--spp"),
         ("render scene.xml --spp 0", 2, "at least one sample"),
-        ("render scene.xml --integrator magic", 2, "there are path"),
+        ("render scene.xml --integrator magic", 2, "there are auto, path"),
         ("render scene.xml --sampler magic", 2, "there are sobol"),
         ("render scene.xml --filter magic", 2, "there are box"),
         ("render scene.xml --light-sampler magic", 2, "there are bvh"),

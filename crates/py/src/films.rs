@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use etendue_render::film::file::{DEFAULT_MEMORY_LIMIT, FilmFileError};
-use etendue_render::film::{DevelopOptions, Film, FilmMeta, Rect};
+use etendue_render::film::{DevelopOptions, Film, FilmError, FilmMeta, Rect};
 use etendue_render::image::tonemap::{ToneMap, ToneOperator};
 use etendue_render::image::{ImageError, WriteOptions};
 use pyo3::prelude::*;
@@ -76,10 +76,20 @@ pub fn film_info(py: Python<'_>, films: Vec<PyBackedBytes>) -> PyResult<Bound<'_
     Ok(out)
 }
 
-/// The picture of films: its layers by name. Pixels without samples are 0.
+/// The picture of films: its layers by name, of the pixels that the films have, or of the `whole` crop. Pixels without samples are 0.
 #[pyfunction]
-pub fn film_layers(py: Python<'_>, films: Vec<PyBackedBytes>, variance: bool, samples: bool) -> PyResult<Bound<'_, PyDict>> {
-    let film = merge(py, films)?;
+#[pyo3(signature = (films, variance, samples, whole = false))]
+pub fn film_layers(py: Python<'_>, films: Vec<PyBackedBytes>, variance: bool, samples: bool, whole: bool) -> PyResult<Bound<'_, PyDict>> {
+    let mut film = merge(py, films)?;
+    if whole && film.rect() != film.spec().crop {
+        let add = || -> Result<Film, FilmError> {
+            let mut sum = Film::new(film.spec().clone())?;
+            sum.meta = film.meta.clone();
+            sum.merge(&film)?;
+            Ok(sum)
+        };
+        film = py.detach(add).map_err(|e| errors::error(py, "ImageError", e.to_string()))?;
+    }
     let image = py.detach(|| film.develop_with(DevelopOptions { variance, sample_count: samples }));
     layers::to_python(py, &image)
 }

@@ -36,6 +36,9 @@ pub struct Prepared {
     /// Whether samples give light to other pixels: then a part is the whole picture.
     #[pyo3(get)]
     splats: bool,
+    /// Whether each range of samples begins with work of its own, such as new particles: then a part is better the whole picture.
+    #[pyo3(get)]
+    has_costly_passes: bool,
     /// Name of the integrator.
     #[pyo3(get)]
     integrator: String,
@@ -87,6 +90,7 @@ impl Prepared {
             spp: plan.spp,
             is_adaptive: plan.antialias.is_some(),
             splats: session.splats(),
+            has_costly_passes: session.has_costly_passes(),
             integrator: plan.integrator,
             warnings: session.warnings().to_vec(),
             session: Arc::new(Mutex::new(Some(session))),

@@ -12,6 +12,7 @@ pub mod film;
 pub mod image;
 pub mod integrator;
 pub mod light;
+pub mod lighting;
 pub mod lightmap;
 pub mod material;
 pub mod math;

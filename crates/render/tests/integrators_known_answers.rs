@@ -431,3 +431,29 @@ fn cameras_look_along_minus_z_with_x_to_the_right_and_y_up() {
     perspective(&mut desc, Vec3::ZERO, Vec3::X, 90.0);
     near(find(&desc), (8.0, 16.0), "perspective along x");
 }
+
+/// A near light behind a surface that is not there: the shadow ray's step off that surface must not reach the light itself.
+#[test]
+fn null_surfaces_do_not_hide_near_lights() {
+    let mean = |with_null: bool| {
+        let mut desc = scene();
+        let white = diffuse(&mut desc, 0.8);
+        rectangle(&mut desc, Vec3::new(0.0, 0.0, 2.0), [1.0, 1.0], true, Some(white));
+        let lamp = ShapeDesc {
+            emission: Some(EmissionDesc { radiance: Color::gray(5.0), two_sided: true, group: String::new() }),
+            ..ShapeDesc::new(GeometryDesc::Rectangle, Mat4::from_translation(Vec3::Z * 1.8) * Mat4::from_scale(Vec3::splat(0.1)))
+        };
+        add(&mut desc, lamp);
+        if with_null {
+            let null = bsdf(&mut desc, BsdfDesc::Null);
+            rectangle(&mut desc, Vec3::new(0.0, 0.0, 1.9), [3.0, 3.0], false, Some(null));
+        }
+        perspective(&mut desc, Vec3::new(0.3, 0.2, 0.5), Vec3::new(0.3, 0.2, 2.0), 10.0);
+        let film = render(&desc, &RenderSettings { integrator: Some("direct".into()), ..settings(8, 8, 64) });
+        let image = film.develop();
+        let g = image.channel("G").unwrap();
+        g.iter().sum::<f32>() / g.len() as f32
+    };
+    let (with, without) = (mean(true), mean(false));
+    assert!(without > 0.01 && (with / without - 1.0).abs() < 0.02, "{with} instead of {without}");
+}

@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// How light is computed: path, direct, particles, photon, sppm, radiosity, raster, whitted, ao, normals.
+        /// How light is computed: auto, path, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -47,7 +47,7 @@ params! {
         radiosity_method: Option<String> = None, "name", "";
         /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given.
         radiosity_error: Option<f32> = None, "number", "";
-        /// Most elements of radiosity; 2000000 (hierarchical), 20000 (progressive), 3000 (matrix) where not given.
+        /// Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given.
         radiosity_elements: Option<u32> = None, "integer", "elements";
         /// Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given.
         radiosity_links: Option<u32> = None, "integer", "links";
@@ -67,7 +67,7 @@ params! {
         photons: Option<u32> = None, "integer", "photons";
         /// Photons that an estimate of density looks at, up to 256; 64 for maps and 16 for sppm where not given.
         photon_neighbors: Option<u32> = None, "integer", "photons";
-        /// Farthest reach of estimates of density, for sppm the first radius; found from the scene where not given.
+        /// Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given.
         photon_radius: Option<f32> = None, "number", "scene units";
         /// Most memory for photons; where they are more, they are thinned, with a message.
         photon_memory: u32 = 1024, "integer", "MiB";

@@ -6,7 +6,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 
-from starlette.responses import JSONResponse
+from starlette.exceptions import HTTPException
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 MOST_KEYS = 10_000
@@ -43,12 +43,11 @@ class Bucket:
         return min(self._burst, left + (self._clock() - at) * self._per_sec)
 
 
-class TooLarge(Exception):  # noqa: N818 - a signal between our own functions
-    """A request's body is over the limit."""
-
-
 class BodyLimit:
-    """ASGI middleware that refuses bodies over a limit, by what their header says and by what really comes."""
+    """ASGI middleware that refuses bodies over a limit, by what their header says and by what really comes.
+
+    The refusal is raised where the body is read, so that it is answered and logged like any other.
+    """
 
     def __init__(self, app: ASGIApp, *, limit: int, upload_limit: int, upload_path: str) -> None:
         self._app = app
@@ -63,30 +62,19 @@ class BodyLimit:
             return
         is_upload = scope["path"] == self._upload_path and scope["method"] == "POST"
         limit = self._upload_limit if is_upload else self._limit
-        answer = JSONResponse({"error": {"code": "too-large", "message": f"a request here has at most {limit} bytes"}}, 413)
-        for name, value in scope["headers"]:
-            if name == b"content-length" and (not value.isdigit() or int(value) > limit):
-                await answer(scope, receive, send)
-                return
         came = 0
-        has_answered = False
+        lengths = [value for name, value in scope["headers"] if name == b"content-length"]
+        is_told_too_large = any(not value.isdigit() or int(value) > limit for value in lengths)
 
         async def counted() -> Message:
             nonlocal came
+            if is_told_too_large or came > limit:
+                raise HTTPException(413, f"a request here has at most {limit} bytes")
             message = await receive()
             if message["type"] == "http.request":
                 came += len(message.get("body", b""))
                 if came > limit:
-                    raise TooLarge
+                    raise HTTPException(413, f"a request here has at most {limit} bytes")
             return message
 
-        async def watched(message: Message) -> None:
-            nonlocal has_answered
-            has_answered = has_answered or message["type"] == "http.response.start"
-            await send(message)
-
-        try:
-            await self._app(scope, counted, watched)
-        except TooLarge:
-            if not has_answered:
-                await answer(scope, receive, send)
+        await self._app(scope, counted, send)

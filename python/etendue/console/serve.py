@@ -38,6 +38,7 @@ def running(farm: Farm, settings: ConsoleSettings, host: str = "127.0.0.1", port
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listener.bind((host, port))
+            listener.listen(1024)
         except OSError as e:
             raise FarmError(f"the console cannot listen at {host}:{port}: {e.strerror or e}") from e
         config = uvicorn.Config(

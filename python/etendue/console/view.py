@@ -73,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         except OSError as e:
             sys.stderr.write(f"etendue: error: port {args.port}: {e.strerror}\n")
             return EXIT_IO
+        # Whoever reads the address may come at once.
+        listener.listen(64)
         port = listener.getsockname()[1]
         token = secrets.token_urlsafe(24)
         hosts = frozenset({f"127.0.0.1:{port}", f"localhost:{port}"})

@@ -12,7 +12,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NoReturn, cast
+from typing import Any, cast
 
 import etendue
 from etendue.farm import collect, runner
@@ -60,9 +60,9 @@ def _up(args: argparse.Namespace) -> int:
     with _farm(args) as (farm, _):
         _check_free(farm)
         backend = runner.ray_backend(farm, args.address, args.cores)
-        with runner.running(farm, backend) as scheduler, _console(args, farm):
+        with _terminated(), runner.running(farm, backend) as scheduler, _console(args, farm):
             _say(f"The farm is up: {farm.root}. Ctrl-C stops it; jobs go on with the next `etendue farm up`.")
-            with contextlib.suppress(KeyboardInterrupt), _terminated():
+            with contextlib.suppress(KeyboardInterrupt):
                 while scheduler.thread is not None and scheduler.thread.is_alive():
                     scheduler.thread.join(0.5)
     return 0
@@ -92,10 +92,14 @@ def _console(args: argparse.Namespace, farm: Farm) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _terminated() -> Iterator[None]:
-    """Let SIGTERM, as from service managers, end the farm as Ctrl-C does."""
+    """Let SIGTERM, as from service managers, end the farm as Ctrl-C does. Once: a second one does not disturb the end."""
+    told = False
 
-    def stop(_number: int, _frame: object) -> NoReturn:
-        raise KeyboardInterrupt
+    def stop(_number: int, _frame: object) -> None:
+        nonlocal told
+        if not told:
+            told = True
+            raise KeyboardInterrupt
 
     before = signal.signal(signal.SIGTERM, stop)
     try:

@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from sqlalchemy import Select, func, insert, or_, select, update
 from sqlalchemy.orm import Session
 
+from etendue.farm import planning
 from etendue.farm.accounts import Actor
 from etendue.farm.config import FarmConfig
 from etendue.farm.database import Database
@@ -18,7 +19,7 @@ from etendue.farm.errors import ConflictError, ForbiddenError, InvalidError, Not
 from etendue.farm.events import audit
 from etendue.farm.models import Event, Film, Frame, Job, JobNeed, Package, PackageUser, Unit, User
 from etendue.farm.spec import JobSpec
-from etendue.farm.states import JOB_ENDED, FrameState, JobState, Role, UnitKind, UnitState
+from etendue.farm.states import JOB_ENDED, FrameState, JobState, Role, UnitState
 from etendue.farm.store import Store
 from etendue.farm.views import EventView, FrameView, JobDetail, JobView, Output, Page, UnitView
 
@@ -113,34 +114,23 @@ class Jobs:
             )
             return self._detail(session, actor, job, actor.name)
 
-    def _add_frames(self, session: Session, job: Job, spec: JobSpec, numbers: list[int], first: set[int]) -> None:
+    def _add_frames(self, session: Session, job: Job, spec: JobSpec, numbers: Sequence[int], first: frozenset[int]) -> None:
         held = {n: spec.approval and n not in first for n in numbers}
-        # Frames in bulk: an animation may have many.
-        session.execute(
-            insert(Frame),
-            [
-                {
-                    "job_id": job.id,
-                    "number": n,
-                    "clock": spec.clock(n),
-                    "state": (FrameState.HELD if held[n] else FrameState.QUEUED).value,
-                }
-                for n in numbers
-            ],
-        )
-        ids = session.execute(select(Frame.id, Frame.number).where(Frame.job_id == job.id)).all()
-        session.execute(
-            insert(Unit),
-            [
-                {
-                    "job_id": job.id,
-                    "frame_id": frame_id,
-                    "kind": UnitKind.PROBE.value,
-                    "rank": probe_rank(number, number in first),
-                }
-                for frame_id, number in ids
-            ],
-        )
+        # Frames in bulk and with all values, as an animation may have a hundred thousand of them. Their units come later.
+        queued, waiting = FrameState.QUEUED.value, FrameState.HELD.value
+        counts = {"spp_done": 0, "spp_planned": 0, "preview_version": 0, "units_total": 0, "units_done": 0, "core_secs": 0.0, "round": 0}
+        same = {"job_id": job.id, "has_probe": False, "is_adaptive": False, "is_whole": False, **counts}
+        rows = [
+            {
+                **same,
+                "number": n,
+                "clock": spec.clock(n),
+                "rank": planning.probe_rank(n, n in first),
+                "state": waiting if held[n] else queued,
+            }
+            for n in numbers
+        ]
+        session.execute(insert(Frame.__table__), rows)  # type: ignore[arg-type]
 
     def _check_size(self, spec: JobSpec) -> None:
         limits = self._config.limits
@@ -499,11 +489,6 @@ def check_page(offset: int, limit: int) -> tuple[int, int]:
     if offset < 0 or offset > 1 << 40 or limit < 0:
         raise InvalidError("`offset` and `limit` are 0 or more")
     return offset, min(limit, MAX_LIMIT)
-
-
-def probe_rank(number: int, is_first: bool) -> int:
-    """Return the rank of a frame's probe: those of all frames come before other units, those of the frames that come first in front."""
-    return number - (1 << 41) if is_first else number - (1 << 40)
 
 
 def rows_changed(result: Any) -> int:  # noqa: ANN401 - a CursorResult, which Session.execute types as Result

@@ -175,6 +175,10 @@ class Frame(Base):
     """Number in the animation; 0 for a still."""
     clock: Mapped[float] = mapped_column(Float, default=0.0)
     """`clock` of a POV-Ray scene."""
+    rank: Mapped[int] = mapped_column(BigInteger, default=0)
+    """Frames of a job are probed in this order."""
+    has_probe: Mapped[bool] = mapped_column(Boolean, default=False)
+    """Whether its first unit, the probe, is there. The scheduler makes some at a time."""
     state: Mapped[str] = mapped_column(String(16), default=FrameState.QUEUED.value)
     error: Mapped[str | None] = mapped_column(Text)
     width: Mapped[int | None] = mapped_column(Integer)

@@ -135,7 +135,7 @@ class Pictures:
                 self._developed.move_to_end(key)
                 return key[1], self._developed[key]
         try:
-            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True) if paths else {}
+            layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True, True) if paths else {}
         except FileNotFoundError:
             # Merged while we looked: the next call finds the sum.
             raise NotFoundError(f"the films of frame {frame} are being merged; ask again") from None

@@ -142,3 +142,8 @@ def next_round(
 def rank(number: int, is_first: bool, slot: int) -> int:
     """Return the place of a unit among those of its job: frames that come first, then by number, then by slot."""
     return ((0 if is_first else 1) << 52) + (number << 20) + slot
+
+
+def probe_rank(number: int, is_first: bool) -> int:
+    """Return the rank of a frame's probe: those of all frames come before other units, those of the frames that come first in front."""
+    return number - (1 << 41) if is_first else number - (1 << 40)

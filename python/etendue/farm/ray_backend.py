@@ -21,6 +21,8 @@ from etendue.farm.store import Store
 os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
 # Ray must not hide accelerators from, or change the behavior for, workers that ask for none.
 os.environ.setdefault("RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO", "0")
+# A busy machine may need longer than Ray's 30 seconds.
+os.environ.setdefault("RAY_raylet_start_wait_time_s", "180")
 
 import ray
 from ray.exceptions import RayError

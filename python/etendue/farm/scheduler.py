@@ -16,7 +16,7 @@ from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from sqlalchemy import func, select, update
+from sqlalchemy import func, insert, select, update
 from sqlalchemy.orm import Session
 
 from etendue import ImageError, _etendue
@@ -318,10 +318,26 @@ class Scheduler:
         open_frames = [FrameState.QUEUED.value, FrameState.RUNNING.value]
         query = select(Unit.id, Unit.frame_id, Unit.kind).join(Frame).where(Frame.state.in_(open_frames))
         query = query.where(Unit.job_id == job.id, Unit.state == UnitState.QUEUED.value).order_by(Unit.rank, Unit.id).limit(FETCH)
+        self._make_probes(job)
         with self._database.read() as session:
             rows = session.execute(query).all()
         job.waiting.extend(Waiting(*row) for row in rows if row.id not in busy)
         job.is_exhausted = len(rows) < FETCH
+
+    def _make_probes(self, job: ActiveJob) -> None:
+        """Make the first units of the job's next frames."""
+        query = select(Frame.id, Frame.rank).where(
+            Frame.job_id == job.id, Frame.state == FrameState.QUEUED.value, Frame.has_probe.is_(False)
+        )
+        query = query.order_by(Frame.rank).limit(FETCH)
+        with self._database.read() as session:
+            if not session.execute(query.limit(1)).all():
+                return
+        with self._database.begin() as session:
+            rows = session.execute(query).all()
+            probe = {"job_id": job.id, "kind": UnitKind.PROBE.value}
+            session.execute(insert(Unit), [{**probe, "frame_id": row.id, "rank": row.rank} for row in rows])
+            session.execute(update(Frame).where(Frame.id.in_([row.id for row in rows])).values(has_probe=True))
 
     # ---- giving work ----
 

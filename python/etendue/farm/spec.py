@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import lru_cache
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
@@ -18,7 +19,8 @@ Format = Literal["exr", "png", "jpg", "hdr", "pfm", "film"]
 _RANGE = re.compile(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*(?:x\s*(\d{1,6})\s*)?)?")
 
 
-def parse_frames(text: str) -> list[int]:
+@lru_cache(maxsize=256)
+def parse_frames(text: str) -> tuple[int, ...]:
     """Return the numbers of a list of frames, each once, in order: `1-48`, `1-100x5` (every fifth), `1,4,10-12`.
 
     Raises:
@@ -39,7 +41,12 @@ def parse_frames(text: str) -> list[int]:
         numbers.update(range(first, last + 1, step))
         if len(numbers) > MAX_FRAMES:
             raise ValueError(f"a job has at most {MAX_FRAMES} frames")
-    return sorted(numbers)
+    return tuple(sorted(numbers))
+
+
+@lru_cache(maxsize=256)
+def _every(text: str, step: int) -> frozenset[int]:
+    return frozenset(parse_frames(text)[::step])
 
 
 class StopRules(BaseModel):
@@ -159,17 +166,17 @@ class JobSpec(BaseModel):
             raise ValueError("`every_first` is for animations")
         if self.approval and self.every_first is None:
             raise ValueError("`approval` needs `every_first`")
-        if self.last_frame is not None and self.frames is not None and self.last_frame < max(parse_frames(self.frames)):
+        if self.last_frame is not None and self.frames is not None and self.last_frame < parse_frames(self.frames)[-1]:
             raise ValueError("`last_frame` is before the last of `frames`")
         return self
 
-    def numbers(self) -> list[int]:
-        """Return the numbers of the frames; [0] for a still."""
-        return parse_frames(self.frames) if self.frames is not None else [0]
+    def numbers(self) -> tuple[int, ...]:
+        """Return the numbers of the frames; (0,) for a still."""
+        return parse_frames(self.frames) if self.frames is not None else (0,)
 
     def final(self) -> int:
         """Return the number of the animation's last frame; 0 for a still."""
-        return 0 if self.frames is None else self.last_frame or max(self.numbers())
+        return 0 if self.frames is None else self.last_frame or self.numbers()[-1]
 
     def clock(self, number: int) -> float:
         """Return `clock` of a frame: from the first value at frame 1 to the second at the last frame."""
@@ -177,6 +184,6 @@ class JobSpec(BaseModel):
         final = self.final()
         return first if final <= 1 else first + (last - first) * ((number - 1) / (final - 1))
 
-    def first_numbers(self) -> set[int]:
+    def first_numbers(self) -> frozenset[int]:
         """Return the frames that come first and need no approval."""
-        return set(self.numbers()[:: self.every_first or 1])
+        return frozenset((0,)) if self.frames is None else _every(self.frames, self.every_first or 1)

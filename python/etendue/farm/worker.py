@@ -137,7 +137,7 @@ class Worker:
         except (etendue.SceneError, etendue.SettingError, etendue.UnsupportedError, FarmError, TypeError) as e:
             # The package's folder on this machine is nobody's business.
             error, is_final = str(e).replace(str(self._cache.resolve()) + "/", ""), True
-        except (etendue.Error, OSError, MemoryError, RuntimeError) as e:
+        except Exception as e:  # whatever it is, the unit has failed and the worker goes on
             error = f"{type(e).__name__}: {e}"
         secs, core_secs = time.perf_counter() - started, time.process_time() - cpu
         return Done(order.key, result, secs, core_secs, error, is_final, log)
@@ -160,7 +160,12 @@ class Worker:
         return prepared
 
     def _part(self, prepared: Prepared, key: str, rect: Rect, begin: int, end: int) -> bytes:
-        film = prepared.parts.render(rect, begin, end, self._stopper(key))
+        try:
+            film = prepared.parts.render(rect, begin, end, self._stopper(key))
+        except Exception:
+            # A session that has failed is not used again.
+            self._scenes.clear()
+            raise
         if film is None:
             raise Cancelled
         return film
@@ -204,7 +209,7 @@ class Worker:
             crop=parts.crop,
             spp=parts.spp,
             is_adaptive=parts.is_adaptive,
-            is_whole=parts.splats,
+            is_whole=parts.splats or parts.has_costly_passes,
             secs_per_sample=max(last_secs, 1e-6) / last_work,
             load_secs=prepared.secs,
         )

@@ -1,16 +1,17 @@
 """A Ray cluster of several simulated nodes on this machine: processes and nodes that are killed."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+os.environ.setdefault("RAY_raylet_start_wait_time_s", "180")
 pytest.importorskip("ray", reason="Ray is not installed: pip install 'etendue[farm]'")
 
 from sqlalchemy import select
@@ -107,17 +108,21 @@ def test_up_that_is_killed_goes_on(tmp_path: Path) -> None:
     package = farm.upload(actor, packed(balls_xml=BALLS), "scene.zip")
     job = farm.jobs.submit(actor, {"package": package.id, "settings": {"spp": 256}, "unit_secs": 0.5})
     command = [sys.executable, "-m", "etendue", "farm", "up", "--cores", "1", "--farm", tmp_path / "farm"]
+    log = tmp_path / "up.log"
     for attempt in range(2):
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, start_new_session=True)
-        drain = threading.Thread(target=process.communicate, daemon=True)
-        drain.start()
-        if attempt == 0:
-            wait(lambda: farm.jobs.get(actor, job.id).units_done >= 3)
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            wait(lambda: farm.jobs.get(actor, job.id).state in ("done", "failed"))
-            process.send_signal(signal.SIGTERM)
-        drain.join(60)
+        process = subprocess.Popen(command, stdout=log.open("ab"), stderr=subprocess.STDOUT, start_new_session=True)
+        try:
+            if attempt == 0:
+                wait(lambda: farm.jobs.get(actor, job.id).units_done >= 3)
+            else:
+                wait(lambda: farm.jobs.get(actor, job.id).state in ("done", "failed"))
+                process.send_signal(signal.SIGTERM)
+                process.wait(120)
+        finally:
+            # With all that it has started.
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.wait(60)
     found = farm.jobs.get(actor, job.id)
     assert found.state == "done", found.error
     with farm.database.read() as session:

@@ -77,6 +77,9 @@ pub struct Args {
     /// How light is found: path, radiosity, particles.
     #[arg(long, value_name = "NAME", default_value = "path", help_heading = "Baking")]
     method: String,
+    /// Looks up radiosity and particles not at the texel but where rays from it arrive: slower, and without their blur.
+    #[arg(long, help_heading = "Baking")]
+    final_gather: bool,
     /// Texels for a unit of length [default: as many as fit into one atlas].
     #[arg(long, value_name = "NUMBER", help_heading = "Baking")]
     texels_per_meter: Option<f64>,
@@ -161,7 +164,8 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
     if !lightmap::METHODS.contains(&args.method.as_str()) {
         return Err(coded(exit::USAGE, format!("no method `{}`; there are {}", args.method, lightmap::METHODS.join(", "))));
     }
-    let bake = Bake::new(&desc, settings, &options, &args.method).map_err(|e| failed(e, &desc))?;
+    let name = if args.final_gather { format!("{} gathered", args.method) } else { args.method.clone() };
+    let bake = Bake::new(&desc, settings, &options, &name).map_err(|e| failed(e, &desc))?;
     bake.flat.notes.iter().for_each(|n| say(&format!("note: {n}")));
     describe(&bake, say);
     let cancel = Cancel::default();
@@ -177,9 +181,11 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
     let is_cancelled = || cancel.is_cancelled();
     let progress = |what: &str, fraction: f64| watcher.progress.stage(what, fraction);
     let stage = Stage::without_camera(settings.seed, &is_cancelled, &progress);
-    let method = bake.method(&args.method, &stage).map_err(|e| failed(e, &desc))?;
+    let mut notes = Vec::new();
+    let method = bake.method(&args.method, args.final_gather, &stage, &mut notes).map_err(|e| failed(e, &desc))?;
+    notes.iter().for_each(|n| say(n));
     let mut solution = resume(args, &bake)?.unwrap_or_else(|| Solution::new(bake.point_count()));
-    let default = if args.method == "path" { DEFAULT_SPP[0] } else { DEFAULT_SPP[1] };
+    let default = if args.method == "path" || args.final_gather { DEFAULT_SPP[0] } else { DEFAULT_SPP[1] };
     // Without a number of samples, time and noise alone decide.
     let spp = settings.spp.or((args.time.is_none() && args.noise.is_none()).then_some(default));
     let complete = bake.solve(&method, Stop { spp, time: args.time, noise: args.noise }, &mut solution, &cancel, &watcher);

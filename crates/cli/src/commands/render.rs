@@ -169,7 +169,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
 }
 
 /// Places of faults in front of their messages.
-fn job_error(e: JobError, desc: &SceneDesc) -> anyhow::Error {
+pub(super) fn job_error(e: JobError, desc: &SceneDesc) -> anyhow::Error {
     match e {
         JobError::Setting(m) => coded(exit::USAGE, m),
         JobError::Scene(faults) => {

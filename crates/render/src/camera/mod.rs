@@ -2,10 +2,14 @@
 //!
 //! Camera space: +x right, +y up, looking along −z. Picture space: pixels, (0, 0) the upper left corner.
 
+mod importance;
+
+pub use importance::CameraConnection;
+
 use etendue_scene::desc::{CameraDesc, FovAxis, ProjectionDesc};
 
 use crate::accel::Ray;
-use crate::math::{Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+use crate::math::{Mat3, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
 use crate::raster::{Pose, View};
 
 /// A ray of the camera.
@@ -38,7 +42,11 @@ enum Projection {
 /// A camera ready to make rays for a picture of a given size.
 #[derive(Clone, Debug)]
 pub struct Camera {
+    size: [u32; 2],
     world_from_camera: Mat4,
+    camera_from_world: Mat4,
+    /// |det| of the matrix `camera_from_world` of directions.
+    determinant: f32,
     projection: Projection,
     corner: Vec2,
     step: Vec2,
@@ -77,7 +85,24 @@ impl Camera {
             Projection::Orthographic => 0.0,
             Projection::Panoramic => PI / h,
         };
-        Self { world_from_camera: desc.world_from_camera, projection, corner, step, near: desc.near, far: desc.far, spread_rad }
+        let camera_from_world = desc.world_from_camera.inverse();
+        Self {
+            size: [width.max(1), height.max(1)],
+            world_from_camera: desc.world_from_camera,
+            camera_from_world,
+            determinant: Mat3::from_mat4(camera_from_world).determinant().abs(),
+            projection,
+            corner,
+            step,
+            near: desc.near,
+            far: desc.far,
+            spread_rad,
+        }
+    }
+
+    /// A point of the lens in camera space.
+    fn lens(&self, radius: f32, u_lens: Vec2) -> Vec3 {
+        if radius > 0.0 { (warp::disk_concentric(u_lens) * radius).extend(0.0) } else { Vec3::ZERO }
     }
 
     /// The ray through a point of the picture (in pixels) and of the lens (`u_lens` in [0, 1)²).
@@ -87,8 +112,7 @@ impl Camera {
             Projection::Perspective { aperture_radius, focus_distance } => {
                 let d = Vec3::new(q.x, q.y, -1.0);
                 if aperture_radius > 0.0 {
-                    let lens = warp::disk_concentric(u_lens) * aperture_radius;
-                    let o = Vec3::new(lens.x, lens.y, 0.0);
+                    let o = self.lens(aperture_radius, u_lens);
                     (o, d * focus_distance - o)
                 } else {
                     (Vec3::ZERO, d)

@@ -1,5 +1,6 @@
 //! From sums to pictures and error estimates.
 
+use super::splat::DevelopedSplats;
 use super::{Film, SQUARE_ONE, SQUARES, SUM_ONE};
 use crate::classic::WorkingSpace;
 use crate::image::Image;
@@ -24,13 +25,15 @@ impl Film {
         let mut image = Image::new(self.rect.width(), self.rect.height());
         image.origin = [self.rect.x0 as i32, self.rect.y0 as i32];
         image.full_size = [self.spec().width, self.spec().height];
+        let splats = DevelopedSplats::new(self);
         let divisors: Vec<f64> = (0..self.counts.len()).map(|pixel| self.divisor(pixel)).collect();
         for (index, channel) in self.spec().channels.iter().enumerate() {
             let data = match self.layout.means.iter().position(|&c| c == index) {
                 Some(slot) => {
                     let stride = self.layout.means.len();
                     let space = if index < 3 { self.spec().space } else { WorkingSpace::Linear };
-                    let mean = |(p, d): (usize, &f64)| self.sums[p * stride + slot] as f64 / SUM_ONE * d;
+                    let splat = |p: usize| splats.as_ref().map_or(0.0, |s| s.mean(p, index));
+                    let mean = |(p, d): (usize, &f64)| self.sums[p * stride + slot] as f64 / SUM_ONE * d + splat(p);
                     divisors.iter().enumerate().map(|each| space.linear(mean(each)) as f32).collect()
                 }
                 None => {
@@ -43,7 +46,8 @@ impl Film {
         }
         if options.variance {
             for (slot, name) in ["variance.R", "variance.G", "variance.B"].into_iter().enumerate() {
-                image.push(name, (0..divisors.len()).map(|pixel| self.pixel_variance(pixel, slot) as f32).collect());
+                let splat = |p: usize| splats.as_ref().map_or(0.0, |s| s.variance(p, slot));
+                image.push(name, (0..divisors.len()).map(|pixel| (self.pixel_variance(pixel, slot) + splat(pixel)) as f32).collect());
             }
         }
         if options.sample_count {
@@ -81,19 +85,23 @@ impl Film {
     }
 
     /// Unbiased estimates of the variance of the mean luminance of each pixel, row by row:
-    /// (Σ(wL)² − (ΣwL)²/n) / (n(n−1)). It takes samples as independent; stratified and low-discrepancy samples have
+    /// (Σ(wL)² − (ΣwL)²/n) / (n(n−1)), and that of the light that splats bring. It takes samples as independent; stratified and low-discrepancy samples have
     /// less error than it says. Infinite for pixels with less than two samples.
     pub fn variance(&self) -> Vec<f64> {
-        (0..self.counts.len()).map(|pixel| self.pixel_variance(pixel, 3)).collect()
+        let splats = DevelopedSplats::new(self);
+        let splat = |p: usize| splats.as_ref().map_or(0.0, |s| s.variance(p, 3));
+        (0..self.counts.len()).map(|pixel| self.pixel_variance(pixel, 3) + splat(pixel)).collect()
     }
 
     /// An estimate of the picture's relative error: √ of the mean over pixels of var / (mean² + 0.01), with the variance
     /// of the mean luminance. That is the square root of the relMSE which a comparison with the exact picture would find.
     /// Summed in a fixed order from exact sums, so it is the same on any machine. Infinite if a pixel has less than two samples.
     pub fn relative_error(&self) -> f64 {
+        let splats = DevelopedSplats::new(self);
         let terms = (0..self.counts.len()).map(|pixel| {
-            let mean = self.luminance_sum(pixel) * self.divisor(pixel);
-            self.pixel_variance(pixel, 3) / (mean * mean + 0.01)
+            let (splat, splat_variance) = splats.as_ref().map_or((0.0, 0.0), |s| (s.luminance(pixel), s.variance(pixel, 3)));
+            let mean = self.luminance_sum(pixel) * self.divisor(pixel) + splat;
+            (self.pixel_variance(pixel, 3) + splat_variance) / (mean * mean + 0.01)
         });
         (terms.sum::<f64>() / self.counts.len() as f64).sqrt()
     }

@@ -12,11 +12,12 @@ use flate2::bufread::{ZlibDecoder, ZlibEncoder};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::{Film, FilmCounters, FilmError, FilmMeta, FilmSpec, Held, Rect, SQUARES};
+use super::{Film, FilmCounters, FilmError, FilmMeta, FilmSpec, Held, Layout, Rect, SQUARES, SplatSums, Splats};
 use crate::image::atomic::write_atomically;
 
 const MAGIC: [u8; 8] = *b"ETNDFILM";
-const VERSION: u32 = 1;
+/// The version of films with splats; those without are of version 1.
+const VERSION: u32 = 2;
 /// Magic, version, header length, header checksum.
 const PREFIX: usize = 20;
 /// Pixels in a block (the last may have fewer).
@@ -89,16 +90,22 @@ impl Film {
         };
         let header = serde_json::to_vec(&header).map_err(io::Error::from)?;
         out.write_all(&MAGIC)?;
-        out.write_all(&VERSION.to_le_bytes())?;
+        let version = if self.spec().splats { VERSION } else { 1 };
+        out.write_all(&version.to_le_bytes())?;
         out.write_all(&(header.len() as u32).to_le_bytes())?;
         out.write_all(&crc32fast::hash(&header).to_le_bytes())?;
         out.write_all(&header)?;
-        let blocks = self.counts.len().div_ceil(BLOCK_PIXELS);
+        let splats = self.splat_sums();
+        let own = self.counts.len().div_ceil(BLOCK_PIXELS);
+        let blocks = own + (splats.squares.len() / SQUARES).div_ceil(BLOCK_PIXELS);
         // Some at a time: as many as keep the threads busy, without a second copy of the film in memory.
         let group = 4 * rayon::current_num_threads();
         for first in (0..blocks).step_by(group) {
             let range = first..(first + group).min(blocks);
-            let packed: Vec<Vec<u8>> = range.into_par_iter().map(|block| self.pack_block(block)).collect::<Result<_, _>>()?;
+            let packed: Vec<Vec<u8>> = range
+                .into_par_iter()
+                .map(|block| if block < own { self.pack_block(block) } else { pack_splats(&splats, self.layout.splats.len(), block - own) })
+                .collect::<Result<_, _>>()?;
             for block in packed {
                 out.write_all(&(block.len() as u32).to_le_bytes())?;
                 out.write_all(&crc32fast::hash(&block).to_le_bytes())?;
@@ -131,17 +138,27 @@ impl Film {
     pub fn from_bytes(bytes: &[u8], memory_limit: u64) -> Result<Self, FilmFileError> {
         let (header, body) = read_header(bytes)?;
         check_values(&header)?;
-        let layout = Self::tile(&header.spec, one_pixel(&header.rect))?.layout;
+        let layout = Layout::new(&header.spec)?;
         let pixels = header.rect.area();
-        let needed = pixels.saturating_mul(layout.bytes_per_pixel() as u64);
+        let splat_pixels = if header.spec.splats { header.spec.crop.area() } else { 0 };
+        let (bytes, splat_bytes) = (layout.bytes_per_pixel(), layout.bytes_per_splat_pixel());
+        let needed = pixels.saturating_mul(bytes as u64).saturating_add(splat_pixels.saturating_mul(splat_bytes as u64));
         if needed > memory_limit {
             return Err(FilmFileError::TooLarge { needed, limit: memory_limit });
         }
-        let blocks = split_blocks(body, pixels as usize, layout.bytes_per_pixel())?;
+        let (blocks, behind) = split_blocks(body, pixels as usize, bytes)?;
+        let (splat_blocks, behind) = split_blocks(behind, splat_pixels as usize, splat_bytes)?;
+        if !behind.is_empty() {
+            return Err(FilmFileError::Damaged(format!("{} bytes after its end", behind.len())));
+        }
         let mut film = Self::with_layout(Arc::clone(&layout), header.rect, header.meta)?;
         film.held = header.held;
         film.counters = header.counters;
         film.unpack_blocks(&blocks)?;
+        film.sum_splats()?;
+        if let Splats::Sums(sums) = &mut film.splats {
+            unpack_splats(sums, layout.splats.len(), &splat_blocks)?;
+        }
         Ok(film)
     }
 
@@ -149,7 +166,7 @@ impl Film {
         let begin = block * BLOCK_PIXELS;
         let end = (begin + BLOCK_PIXELS).min(self.counts.len());
         let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
-        let mut raw = Vec::with_capacity((end - begin) * self.bytes_per_pixel());
+        let mut raw = Vec::with_capacity((end - begin) * self.layout.bytes_per_pixel());
         write_planes(&mut raw, self.sums[begin * means..end * means].iter().map(|v| v.to_le_bytes()));
         write_planes(&mut raw, self.squares[begin * SQUARES..end * SQUARES].iter().map(|v| v.to_le_bytes()));
         write_planes(&mut raw, self.weights[begin..end].iter().map(|v| v.to_le_bytes()));
@@ -158,14 +175,12 @@ impl Film {
             write_planes(&mut raw, self.first_indices[begin..end].iter().map(|v| v.to_le_bytes()));
             write_planes(&mut raw, self.first_values[begin * firsts..end * firsts].iter().map(|v| v.to_le_bytes()));
         }
-        let mut packed = Vec::new();
-        ZlibEncoder::new(&raw[..], Compression::fast()).read_to_end(&mut packed)?;
-        Ok(packed)
+        pack(&raw)
     }
 
     fn unpack_blocks(&mut self, blocks: &[&[u8]]) -> Result<(), FilmFileError> {
         let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
-        let bytes_per_pixel = self.bytes_per_pixel();
+        let bytes_per_pixel = self.layout.bytes_per_pixel();
         // Films without first channels have no such data; empty chunks stand in for it.
         let mut first_indices: Vec<&mut [u32]> = self.first_indices.chunks_mut(BLOCK_PIXELS).collect();
         let mut first_values: Vec<&mut [f32]> = self.first_values.chunks_mut(BLOCK_PIXELS * firsts.max(1)).collect();
@@ -180,15 +195,7 @@ impl Film {
             .zip(self.counts.par_chunks_mut(BLOCK_PIXELS))
             .zip(first_parts)
             .try_for_each(|(((((packed, sums), squares), weights), counts), (first_indices, first_values))| {
-                let size = counts.len() * bytes_per_pixel;
-                let mut raw = Vec::with_capacity(size);
-                ZlibDecoder::new(*packed)
-                    .take(size as u64 + 1)
-                    .read_to_end(&mut raw)
-                    .map_err(|e| FilmFileError::Damaged(format!("a block does not decompress: {e}")))?;
-                if raw.len() != size {
-                    return Err(FilmFileError::Damaged("a block has another size than the film's".into()));
-                }
+                let raw = unpack(packed, counts.len() * bytes_per_pixel)?;
                 let mut rest = &raw[..];
                 read_planes(&mut rest, sums, i128::from_le_bytes);
                 read_planes(&mut rest, squares, i128::from_le_bytes);
@@ -205,17 +212,48 @@ impl Film {
     }
 }
 
+fn pack(raw: &[u8]) -> Result<Vec<u8>, io::Error> {
+    let mut packed = Vec::new();
+    ZlibEncoder::new(raw, Compression::fast()).read_to_end(&mut packed)?;
+    Ok(packed)
+}
+
+fn unpack(packed: &[u8], size: usize) -> Result<Vec<u8>, FilmFileError> {
+    let mut raw = Vec::with_capacity(size);
+    ZlibDecoder::new(packed)
+        .take(size as u64 + 1)
+        .read_to_end(&mut raw)
+        .map_err(|e| FilmFileError::Damaged(format!("a block does not decompress: {e}")))?;
+    if raw.len() == size { Ok(raw) } else { Err(FilmFileError::Damaged("a block has another size than the film's".into())) }
+}
+
+/// A block of the splats of the crop's pixels.
+fn pack_splats(splats: &SplatSums, channels: usize, block: usize) -> Result<Vec<u8>, io::Error> {
+    let begin = block * BLOCK_PIXELS;
+    let end = (begin + BLOCK_PIXELS).min(splats.squares.len() / SQUARES);
+    let mut raw = Vec::new();
+    write_planes(&mut raw, splats.sums[begin * channels..end * channels].iter().map(|v| v.to_le_bytes()));
+    write_planes(&mut raw, splats.squares[begin * SQUARES..end * SQUARES].iter().map(|v| v.to_le_bytes()));
+    pack(&raw)
+}
+
+fn unpack_splats(splats: &mut SplatSums, channels: usize, blocks: &[&[u8]]) -> Result<(), FilmFileError> {
+    let chunks = splats.sums.par_chunks_mut(BLOCK_PIXELS * channels).zip(splats.squares.par_chunks_mut(BLOCK_PIXELS * SQUARES));
+    blocks.par_iter().zip(chunks).try_for_each(|(packed, (sums, squares))| {
+        let raw = unpack(packed, (sums.len() + squares.len()) * 16)?;
+        let mut rest = &raw[..];
+        read_planes(&mut rest, sums, i128::from_le_bytes);
+        read_planes(&mut rest, squares, i128::from_le_bytes);
+        Ok(())
+    })
+}
+
 /// The pixels that a film file is about, from its header alone.
 ///
 /// # Errors
 /// [`FilmFileError`] where the bytes do not start as a film file does.
 pub fn rect_of(bytes: &[u8]) -> Result<Rect, FilmFileError> {
     read_header(bytes).map(|(header, _)| header.rect)
-}
-
-/// A rectangle of one pixel at the corner of another, for a layout without its memory.
-fn one_pixel(rect: &Rect) -> Rect {
-    Rect { x1: rect.x0.saturating_add(1).min(rect.x1), y1: rect.y0.saturating_add(1).min(rect.y1), ..*rect }
 }
 
 /// Numbers of N bytes by planes: first the lowest byte of each, then the next. High bytes, mostly equal, compress well.
@@ -252,7 +290,7 @@ fn read_header(bytes: &[u8]) -> Result<(Header, &[u8]), FilmFileError> {
     let (Some(version), Some(length), Some(crc)) = (word(bytes, 8), word(bytes, 12), word(bytes, 16)) else {
         return Err(FilmFileError::Truncated("its first bytes"));
     };
-    if version != VERSION {
+    if version == 0 || version > VERSION {
         return Err(FilmFileError::Version(version));
     }
     let length = length as usize;
@@ -263,7 +301,10 @@ fn read_header(bytes: &[u8]) -> Result<(Header, &[u8]), FilmFileError> {
     if crc32fast::hash(header) != crc {
         return Err(FilmFileError::Damaged("the header's checksum is wrong".into()));
     }
-    let parsed = serde_json::from_slice(header).map_err(|e| FilmFileError::Damaged(format!("header: {e}")))?;
+    let parsed: Header = serde_json::from_slice(header).map_err(|e| FilmFileError::Damaged(format!("header: {e}")))?;
+    if parsed.spec.splats != (version == VERSION) {
+        return Err(FilmFileError::Damaged("splats do not go with the version".into()));
+    }
     Ok((parsed, &bytes[PREFIX + length..]))
 }
 
@@ -285,8 +326,8 @@ fn check_values(header: &Header) -> Result<(), FilmFileError> {
     Ok(())
 }
 
-/// The compressed blocks of all pixels, their checksums verified and their number and sizes plausible.
-fn split_blocks(mut body: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<Vec<&[u8]>, FilmFileError> {
+/// The compressed blocks of all pixels, their checksums verified and their number and sizes plausible; and what follows them.
+fn split_blocks(mut body: &[u8], pixels: usize, bytes_per_pixel: usize) -> Result<(Vec<&[u8]>, &[u8]), FilmFileError> {
     let count = pixels.div_ceil(BLOCK_PIXELS);
     if body.len() < count.saturating_mul(BLOCK_PREFIX) {
         return Err(FilmFileError::Truncated("its blocks"));
@@ -307,8 +348,5 @@ fn split_blocks(mut body: &[u8], pixels: usize, bytes_per_pixel: usize) -> Resul
         blocks.push(packed);
         body = &body[BLOCK_PREFIX + length as usize..];
     }
-    if !body.is_empty() {
-        return Err(FilmFileError::Damaged(format!("{} bytes after its end", body.len())));
-    }
-    Ok(blocks)
+    Ok((blocks, body))
 }

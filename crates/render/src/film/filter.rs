@@ -168,6 +168,8 @@ pub struct FilterSampler {
     /// The sign of f in each cell; empty where the filter is nowhere negative.
     negative: Vec<bool>,
     weight: f32,
+    /// ∫ f(x) dx of one factor.
+    integral: f32,
 }
 
 /// Cells of the table over the filter's width: fine enough that its steps (1/170 of a pixel for the widest default
@@ -187,6 +189,7 @@ impl FilterSampler {
             table: PiecewiseConstant1D::new(&magnitudes),
             negative: if any_negative { negative } else { Vec::new() },
             weight: if any_negative { (ratio * ratio) as f32 } else { 1.0 },
+            integral: Self::integral_1d(&filter) as f32,
         }
     }
 
@@ -212,6 +215,40 @@ impl FilterSampler {
         let offset = (2.0 * Vec2::new(x, y) - Vec2::ONE) * self.filter.radius();
         let flip = !self.negative.is_empty() && (self.negative[ix] != self.negative[iy]);
         FilterSample { offset, weight: if flip { -self.weight } else { self.weight } }
+    }
+
+    /// The pixel that a splat at a point of the picture goes to, in pixels, and what it counts there: one of those whose filters reach
+    /// the point, chosen by how much they take of it, so that each gets the normalized filter's share on average. `None` where no
+    /// filter reaches the point.
+    pub fn land(&self, picture: Vec2, u: Vec2) -> Option<(i32, i32, f32)> {
+        let (x, weight_x) = self.land_1d(picture.x, u.x)?;
+        let (y, weight_y) = self.land_1d(picture.y, u.y)?;
+        Some((x, y, weight_x * weight_y))
+    }
+
+    /// Along one axis.
+    fn land_1d(&self, at: f32, u: f32) -> Option<(i32, f32)> {
+        let radius = self.filter.radius();
+        if !(at.abs() < 1e7) {
+            return None;
+        }
+        // Pixel i has its center at i + 1/2.
+        let (first, last) = ((at - radius - 0.5).ceil() as i32, (at + radius - 0.5).floor() as i32);
+        let value = |i: i32| self.filter.eval_1d(at - (i as f32 + 0.5));
+        let total: f32 = (first..=last).map(|i| value(i).abs()).sum();
+        let mut rest = u * total;
+        let mut chosen = None;
+        for i in first..=last {
+            let v = value(i);
+            if v != 0.0 {
+                chosen = Some((i, (total / self.integral).copysign(v)));
+                rest -= v.abs();
+                if rest < 0.0 {
+                    break;
+                }
+            }
+        }
+        chosen
     }
 
     /// The density of [`FilterSampler::sample`] at an offset, per square pixel.
@@ -300,6 +337,31 @@ mod tests {
                 assert!((f64::from(hits[bin]) / n - magnitude / total_magnitude).abs() < 1e-3, "{filter:?}: bin {bin}");
                 assert!((weights[bin] / n - value / integral).abs() < 6.0 * w_max / n.sqrt() + 2e-3, "{filter:?}: bin {bin}");
             }
+        }
+    }
+
+    /// What splats bring to a pixel is the normalized filter, as for camera samples.
+    #[test]
+    fn splats_land_by_the_filter() {
+        const N: u32 = 100_000;
+        for filter in all() {
+            let sampler = FilterSampler::new(filter);
+            let integral = FilterSampler::integral_1d(&filter);
+            let at = Vec2::new(7.3, 4.85);
+            let mut sums = std::collections::BTreeMap::new();
+            for i in 0..N {
+                let u = Vec2::new((i as f32 + 0.5) / N as f32, unit_float(mix32(i)));
+                let (x, y, weight) = sampler.land(at, u).unwrap();
+                *sums.entry((x, y)).or_insert(0.0) += f64::from(weight) / f64::from(N);
+            }
+            for x in 0..16 {
+                for y in 0..12 {
+                    let known = f64::from(filter.eval(at.x - x as f32 - 0.5, at.y - y as f32 - 0.5)) / (integral * integral);
+                    let sum = sums.get(&(x, y)).copied().unwrap_or(0.0);
+                    assert!((sum - known).abs() < 0.02, "{filter:?} {x} {y}: {sum} instead of {known}");
+                }
+            }
+            assert!(sampler.land(Vec2::new(f32::NAN, 1.0), Vec2::ZERO).is_none());
         }
     }
 

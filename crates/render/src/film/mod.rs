@@ -12,6 +12,7 @@ mod develop;
 pub mod file;
 pub mod filter;
 mod held;
+mod splat;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,6 +24,7 @@ use crate::classic::WorkingSpace;
 pub use develop::DevelopOptions;
 pub use filter::{Filter, FilterSample, FilterSampler};
 pub use held::{Held, HeldSamples, Rect};
+use splat::{SplatSums, Splats};
 
 /// How a channel's samples become a pixel's value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -71,6 +73,14 @@ pub struct FilmSpec {
     /// The space in which samples of `R`, `G` and `B` are stored and averaged; pictures are developed to linear light.
     #[serde(default)]
     pub space: WorkingSpace,
+    /// Whether samples also bring light to other pixels ([`Film::add_splat`]).
+    #[serde(default, skip_serializing_if = "is_false")]
+    pub splats: bool,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde asks for")]
+fn is_false(v: &bool) -> bool {
+    !v
 }
 
 /// Most columns or rows of a picture.
@@ -82,7 +92,8 @@ impl FilmSpec {
     /// A whole picture of R, G, B and A under the default filter.
     pub fn new(width: u32, height: u32) -> Self {
         let channels = ["R", "G", "B", "A"].map(Channel::mean).to_vec();
-        Self { width, height, crop: Rect::new(0, 0, width, height), filter: Filter::default(), channels, space: WorkingSpace::Linear }
+        let crop = Rect::new(0, 0, width, height);
+        Self { width, height, crop, filter: Filter::default(), channels, space: WorkingSpace::Linear, splats: false }
     }
 
     /// Checks sizes, crop, filter and channels.
@@ -111,6 +122,12 @@ impl FilmSpec {
         names.sort_unstable();
         if names.windows(2).any(|w| w[0] == w[1]) || names.iter().any(|n| n.is_empty() || n.len() > 255) {
             return fault("channel names are not unique, or empty, or longer than 255 bytes".into());
+        }
+        if self.splats && self.space != WorkingSpace::Linear {
+            return fault("splats are sums of linear light".into());
+        }
+        if self.splats && self.crop.area() > u64::from(u32::MAX) {
+            return fault("more pixels than splats can tell apart".into());
         }
         Ok(())
     }
@@ -203,6 +220,8 @@ struct Layout {
     /// Indices into the channels, of each kind.
     means: Vec<usize>,
     firsts: Vec<usize>,
+    /// Those that splats go to.
+    splats: Vec<usize>,
 }
 
 /// The accumulator of a rectangle of pixels; see the module.
@@ -226,6 +245,8 @@ pub struct Film {
     first_indices: Vec<u32>,
     /// Its values, the first channels side by side.
     first_values: Vec<f32>,
+    /// Light for other pixels, over the whole crop.
+    splats: Splats,
 }
 
 impl Film {
@@ -243,10 +264,9 @@ impl Film {
     /// # Errors
     /// As [`FilmSpec::validate`], and [`FilmError::Outside`].
     pub fn tile(spec: &FilmSpec, rect: Rect) -> Result<Self, FilmError> {
-        spec.validate()?;
-        let of_kind = |kind| (0..spec.channels.len()).filter(|&i| spec.channels[i].kind == kind).collect();
-        let layout = Layout { spec: spec.clone(), means: of_kind(ChannelKind::Mean), firsts: of_kind(ChannelKind::First) };
-        Self::with_layout(Arc::new(layout), rect, FilmMeta::default())
+        let mut film = Self::with_layout(Layout::new(spec)?, rect, FilmMeta::default())?;
+        film.sum_splats()?;
+        Ok(film)
     }
 
     /// An empty film of a rectangle of this film, with its spec and meta data (but no render time): a worker's tile.
@@ -272,7 +292,10 @@ impl Film {
         self.counts.fill(0);
         self.first_indices.fill(NO_INDEX);
         self.first_values.fill(0.0);
-        true
+        if let Splats::List(list) = &mut self.splats {
+            list.clear();
+        }
+        !matches!(self.splats, Splats::Sums(_))
     }
 
     fn with_layout(layout: Arc<Layout>, rect: Rect, meta: FilmMeta) -> Result<Self, FilmError> {
@@ -296,13 +319,26 @@ impl Film {
             counts: vec![0; pixels],
             first_indices: if firsts > 0 { vec![NO_INDEX; pixels] } else { Vec::new() },
             first_values: vec![0.0; pixels * firsts],
+            splats: if layout.spec.splats { Splats::List(Vec::new()) } else { Splats::None },
             layout,
         })
     }
 
-    /// Bytes that one pixel takes in memory.
+    /// Turns the list of splats, which must be empty, into sums.
+    fn sum_splats(&mut self) -> Result<(), FilmError> {
+        if self.layout.spec.splats {
+            let pixels = self.layout.spec.crop.area() as usize;
+            if pixels.checked_mul(self.layout.bytes_per_splat_pixel()).is_none_or(|bytes| bytes > isize::MAX as usize) {
+                return Err(FilmError::Spec(format!("{} needs more memory than there is", self.layout.spec.crop)));
+            }
+            self.splats = Splats::Sums(SplatSums::new(pixels, self.layout.splats.len()));
+        }
+        Ok(())
+    }
+
+    /// Bytes that one pixel takes in memory, splats included.
     pub fn bytes_per_pixel(&self) -> usize {
-        self.layout.bytes_per_pixel()
+        self.layout.bytes_per_pixel() + self.layout.bytes_per_splat_pixel()
     }
 
     /// What the film records.
@@ -427,6 +463,7 @@ impl Film {
         for (key, value) in &other.meta.notes {
             self.meta.notes.entry(key.clone()).or_insert_with(|| value.clone());
         }
+        self.merge_splats(&other.splats);
         let width = other.rect.width() as usize;
         let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
         for y in other.rect.y0..other.rect.y1 {
@@ -475,6 +512,9 @@ impl Film {
             let names = |s: &FilmSpec| s.channels.iter().map(|c| c.name.clone()).collect::<Vec<_>>().join(" ");
             return differ("channels", &names(a), &names(b));
         }
+        if a.splats != b.splats {
+            return differ("splats", &a.splats, &b.splats);
+        }
         let (m, n) = (&self.meta, &other.meta);
         if m.scene_hash != n.scene_hash {
             return differ("scene", &m.scene_hash, &n.scene_hash);
@@ -499,6 +539,18 @@ impl Film {
 }
 
 impl Layout {
+    fn new(spec: &FilmSpec) -> Result<Arc<Self>, FilmError> {
+        spec.validate()?;
+        let of_kind = |kind| (0..spec.channels.len()).filter(|&i| spec.channels[i].kind == kind).collect();
+        let (means, firsts) = (of_kind(ChannelKind::Mean), of_kind(ChannelKind::First));
+        Ok(Arc::new(Self { spec: spec.clone(), means, firsts, splats: spec.splat_channels() }))
+    }
+
+    /// Bytes of the splats of one pixel of the crop.
+    fn bytes_per_splat_pixel(&self) -> usize {
+        if self.spec.splats { 16 * (self.splats.len() + SQUARES) } else { 0 }
+    }
+
     fn bytes_per_pixel(&self) -> usize {
         let firsts = if self.firsts.is_empty() { 0 } else { 4 + 4 * self.firsts.len() };
         16 * (self.means.len() + SQUARES + 1) + 4 + firsts

@@ -320,8 +320,10 @@ fn hostile_headers_are_errors_before_memory() {
     let huge = huge.replace("\"x1\":23,\"y1\":11", "\"x1\":1048576,\"y1\":1048576");
     assert!(matches!(Film::from_bytes(&forge(&huge, body), u64::MAX), Err(FilmFileError::Truncated(_) | FilmFileError::Damaged(_))));
     let mut later = bytes.clone();
+    later[8] = 3;
+    assert!(matches!(Film::from_bytes(&later, 1 << 30), Err(FilmFileError::Version(3))));
     later[8] = 2;
-    assert!(matches!(Film::from_bytes(&later, 1 << 30), Err(FilmFileError::Version(2))));
+    assert!(matches!(Film::from_bytes(&later, 1 << 30), Err(FilmFileError::Damaged(_))), "no splats in version 2");
     let deep = "[".repeat(100_000);
     assert!(Film::from_bytes(&forge(&deep, &[]), 1 << 30).is_err());
 }
@@ -340,4 +342,93 @@ fn means_are_of_numbers_of_the_space() {
         let byte = 255.0 * WorkingSpace::Srgb.from_linear(linear);
         assert!((byte - shown).abs() < 0.75, "{space:?}: {byte} is not {shown}");
     }
+}
+
+/// The same as [`render`] for a film of a crop with splats and light groups: each sample brings some to pixels all over the picture.
+fn splatting_spec() -> FilmSpec {
+    let mut spec = FilmSpec::new(SIZE[0] + 5, SIZE[1] + 3);
+    spec.crop = Rect::new(2, 1, SIZE[0], SIZE[1] + 2);
+    spec.channels.extend(["light.a.R", "light.a.G", "light.a.B", "light.b.R", "light.b.G", "light.b.B", "Z"].map(Channel::mean));
+    spec.splats = true;
+    spec
+}
+
+fn render_splats(film: &mut Film, rect: Rect, range: std::ops::Range<u32>) {
+    for (x, y, index) in
+        (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))).flat_map(|(x, y)| range.clone().map(move |i| (x, y, i)))
+    {
+        let (weight, v) = sample(x, y, index);
+        film.add_sample(x, y, index, weight, &[v[0], v[1], v[2], 1.0, v[0], v[1], v[2], 0.0, 0.0, 0.0, v[3]]);
+        for i in 0..index % 3 {
+            let word = hash_words([u64::from(x), u64::from(y), u64::from(index), u64::from(i), 7]) as u32;
+            film.add_splat(word % (SIZE[0] + 5), (word >> 8) % (SIZE[1] + 3), weight, [v[4], v[5], v[6]], i);
+        }
+    }
+    film.mark_held(rect, range.start, range.end).unwrap();
+}
+
+#[test]
+fn splats_are_exact_in_any_order_and_through_files() {
+    let mut expected = Film::new(splatting_spec()).unwrap();
+    let rect = expected.rect();
+    render_splats(&mut expected, rect, 0..SPP);
+    assert!(matches!(&expected.splats, Splats::Sums(s) if s.sums.iter().any(|&v| v != 0)));
+    for round in 0..10 {
+        let mut random = Random(round * 1000);
+        let mut films = [0; 2].map(|_| Film::new(splatting_spec()).unwrap());
+        for range in random.cuts(SPP) {
+            let mut rows: Vec<u32> = (rect.y0..rect.y1).collect();
+            random.shuffle(&mut rows);
+            let target = random.below(2);
+            let mut tile = films[target].new_tile(Rect { y1: rect.y0 + 1, ..rect }).unwrap();
+            for y in rows {
+                assert!(tile.empty_for(Rect { y0: y, y1: y + 1, ..rect }));
+                let tile_rect = tile.rect();
+                render_splats(&mut tile, tile_rect, range.clone());
+                // A tile goes through a file as well.
+                let tile = if y % 4 == 0 { Film::from_bytes(&bytes_of(&tile), 1 << 30).unwrap() } else { tile.clone() };
+                films[target].merge(&tile).unwrap();
+            }
+        }
+        let [mut total, second] = films;
+        let second = Film::from_bytes(&bytes_of(&second), 1 << 30).unwrap();
+        total.merge(&second).unwrap();
+        total.held = expected.held.clone();
+        assert!(total == expected, "round {round} differs");
+        assert_eq!(total.relative_error().to_bits(), expected.relative_error().to_bits());
+    }
+    let mut other = splatting_spec();
+    other.splats = false;
+    assert!(expected.merge(&Film::new(other).unwrap()).unwrap_err().to_string().contains("splats"));
+    let bytes = bytes_of(&expected);
+    assert_eq!(bytes[8], 2);
+    for length in (0..bytes.len()).step_by(256).chain([bytes.len() - 1]) {
+        assert!(matches!(Film::from_bytes(&bytes[..length], 1 << 30), Err(FilmFileError::Truncated(_))), "{length}");
+    }
+    assert!(matches!(Film::from_bytes(&bytes, 5000), Err(FilmFileError::TooLarge { .. })));
+}
+
+#[test]
+fn splats_are_divided_by_the_samples_per_pixel() {
+    // A crop of half of the picture: as many light paths fewer.
+    let mut spec = FilmSpec { crop: Rect::new(0, 0, 2, 2), splats: true, ..FilmSpec::new(4, 2) };
+    spec.channels.extend(["light.a.R", "light.a.G", "light.a.B", "light.b.R", "light.b.G", "light.b.B"].map(Channel::mean));
+    let mut film = Film::new(spec).unwrap();
+    for index in 0..8 {
+        for (x, y) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            film.add_sample(x, y, index, 1.0, &[0.25; 10]);
+            film.add_splat(1, 1, 1.0, [if index % 2 == 0 { 0.5 } else { 0.0 }, 1.0, f32::NAN], 1);
+            film.add_splat(3, 1, 1.0, [100.0; 3], 0);
+        }
+    }
+    assert_eq!(film.counters().non_finite, 32);
+    let image = film.develop_with(DevelopOptions { variance: true, sample_count: false });
+    let at = |name: &str| image.channel(name).unwrap()[3];
+    // 32 splats of 1 in 8 pixels' worth of samples, 4 for each.
+    assert_eq!([at("R"), at("G"), at("B"), at("A"), at("light.a.G"), at("light.b.G")], [2.25, 8.25, 0.25, 0.25, 0.25, 8.25]);
+    assert_eq!(at("variance.G"), 0.0);
+    // 32 draws of 0 or 1/2, their sum times 1/4.
+    let variance = 32.0 / 31.0 * (16.0 * 0.25 - 64.0 / 32.0) / 16.0;
+    assert!((at("variance.R") - variance).abs() < 1e-6, "{} {variance}", at("variance.R"));
+    assert!(film.relative_error().is_finite());
 }

@@ -11,7 +11,7 @@ use crate::camera::CameraRay;
 use crate::light::LightContext;
 use crate::math::warp::{UNIFORM_SPHERE_PDF, cosine_hemisphere, cosine_hemisphere_pdf, power_heuristic, uniform_sphere};
 use crate::math::{Frame, Vec2, Vec3};
-use crate::sampler::SampleStream;
+use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -30,13 +30,23 @@ pub struct Receiver<'a> {
 
 /// A point in the air as a surface without normal.
 pub fn in_air(p: Vec3) -> Surface {
+    let frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::ZERO };
+    free(p, frame)
+}
+
+/// A point that hangs freely as a surface that faces the unit direction `n`: a sensor.
+pub fn sensor(p: Vec3, n: Vec3) -> Surface {
+    free(p, Frame::from_normal(n))
+}
+
+fn free(p: Vec3, frame: Frame) -> Surface {
     Surface {
         p,
-        ng: Vec3::ZERO,
-        frame: Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::ZERO },
+        ng: frame.n,
+        frame,
         uv: Vec2::ZERO,
-        dpdu: Vec3::ZERO,
-        dpdv: Vec3::ZERO,
+        dpdu: frame.s,
+        dpdv: frame.t,
         bary: Vec2::ZERO,
         t: 0.0,
         instance: 0,
@@ -64,6 +74,14 @@ impl Receiver<'_> {
         self.is_in_air() || self.surface.frame.n.dot(d) > 0.0 && self.surface.ng.dot(d) > 0.0
     }
 
+    /// One estimate of the irradiance in W·m⁻².
+    pub fn irradiance(&self, stream: &mut SampleStream, estimate: &mut Estimate) -> Spectrum {
+        let mut sum = Spectrum::ZERO;
+        let n = self.surface.frame.n;
+        self.gather(stream, estimate, |d, radiance| sum += radiance * n.dot(d).max(0.0));
+        sum
+    }
+
     /// One sample: calls back with unit directions towards the light and radiance over density (per solid angle). The sum over
     /// them of radiance · cosine estimates the irradiance in W·m⁻². Values that are not finite are left out.
     pub fn gather(&self, stream: &mut SampleStream, estimate: &mut Estimate, mut add: impl FnMut(Vec3, Spectrum)) {
@@ -73,11 +91,12 @@ impl Receiver<'_> {
             }
         };
         let (scene, s) = (self.scene, self.surface);
+        let mut rng = stream.rng();
         let ctx = LightContext { p: s.p, n: s.frame.n };
         if let Some(direct) = sample_one(scene, &ctx, stream).filter(|d| self.sees(d.sample.wi)) {
             let wi = direct.sample.wi;
             let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, self.pdf(wi)) };
-            let visible = visibility(scene, s, s.ng, &scene.camera_medium, &direct.sample, &mut stream.rng());
+            let visible = visibility(scene, s, s.ng, &scene.camera_medium, &direct.sample, &mut rng);
             add(wi, direct.radiance * visible * (weight / direct.pdf));
         }
         let u = stream.next_2d();
@@ -87,7 +106,7 @@ impl Receiver<'_> {
             return;
         }
         let ray = Ray::new(s.offset_origin(d), d);
-        let mut radiance = self.emitted_along(&ctx, ray, pdf);
+        let mut radiance = self.emitted_along(&ctx, ray, pdf, &mut rng);
         if let Some(integrator) = self.indirect {
             estimate.reset(scene.group_names.len());
             integrator.estimate(
@@ -102,11 +121,16 @@ impl Receiver<'_> {
     }
 
     /// Light that comes straight from lights along a ray, through surfaces that let it, weighted against their own sampling.
-    fn emitted_along(&self, ctx: &LightContext, mut ray: Ray, pdf: f32) -> Spectrum {
+    fn emitted_along(&self, ctx: &LightContext, mut ray: Ray, pdf: f32, rng: &mut HashRng) -> Spectrum {
         let scene = self.scene;
         let (mut through, mut sum) = (Spectrum::ONE, Spectrum::ZERO);
+        let mut media = scene.camera_medium;
         for _ in 0..MAX_CROSSINGS {
-            let Some(s) = scene.intersect(&ray) else {
+            let hit = scene.intersect(&ray);
+            if let Some(medium) = scene.medium(&media) {
+                through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
+            }
+            let Some(s) = hit else {
                 for &light in &scene.infinite_lights {
                     let radiance = scene.lights[light as usize].escaped(ray.d);
                     if !radiance.is_black() {
@@ -127,6 +151,9 @@ impl Receiver<'_> {
             through *= material.shade(scene, &s, -ray.d).null_transmittance(-ray.d);
             if through.is_black() {
                 return sum;
+            }
+            if scene.has_media {
+                media.cross(scene, &s, ray.d);
             }
             ray = Ray::new(s.offset_origin(ray.d), ray.d);
         }

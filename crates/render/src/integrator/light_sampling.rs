@@ -79,14 +79,7 @@ pub(super) fn visibility_in_medium(scene: &Scene, p: Vec3, media: &MediumStack, 
 #[inline]
 fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
     // Aim at the light's point from where the ray really starts.
-    let (d, t_max) = if sample.dist.is_finite() {
-        let to = sample.p - o;
-        let dist = to.length();
-        (to / dist, dist * SHADOW_END)
-    } else {
-        (sample.wi, f32::INFINITY)
-    };
-    Ray { o, d, t_min: 0.0, t_max }
+    if sample.dist.is_finite() { towards(o, sample.p) } else { Ray::new(o, sample.wi) }
 }
 
 /// The share of light that passes straight along a ray with a unit direction, through surfaces that let it and through what is between
@@ -122,10 +115,24 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
         if scene.has_media {
             media.cross(scene, &s, ray.d);
         }
-        let o = s.offset_origin(ray.d);
-        ray = Ray { o, t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
+        ray = beyond(&ray, &s);
     }
     Spectrum::ZERO
+}
+
+/// The rest of a shadow ray beyond a surface. It aims at the same end again: the step off the surface is across the ray, and larger than
+/// the gap that is left before a near light.
+fn beyond(ray: &Ray, s: &Surface) -> Ray {
+    let o = s.offset_origin(ray.d);
+    if ray.t_max.is_finite() { towards(o, ray.at(ray.t_max / SHADOW_END)) } else { Ray { o, t_min: 0.0, ..*ray } }
+}
+
+/// A ray that ends just before a point.
+#[inline]
+fn towards(o: Vec3, end: Vec3) -> Ray {
+    let to = end - o;
+    let dist = to.length();
+    Ray { o, d: to / dist, t_min: 0.0, t_max: dist * SHADOW_END }
 }
 
 /// What a camera ray meets first, its distance, and the share of light that the media on the way let through. Borders of media that
@@ -145,7 +152,7 @@ pub(super) fn first_surface(scene: &Scene, ray: &Ray, rng: &mut HashRng) -> Opti
             return Some((s, distance, through));
         }
         media.cross(scene, &s, ray.d);
-        ray = Ray { o: s.offset_origin(ray.d), t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
+        ray = beyond(&ray, &s);
     }
     None
 }
@@ -160,7 +167,7 @@ pub(super) fn is_blocked(scene: &Scene, ray: &Ray) -> bool {
         match scene.intersect(&ray) {
             None => return false,
             Some(s) if is_border(scene, &s) => {
-                ray = Ray { o: s.offset_origin(ray.d), t_min: 0.0, t_max: ray.t_max - s.t, ..ray };
+                ray = beyond(&ray, &s);
             }
             Some(_) => return true,
         }

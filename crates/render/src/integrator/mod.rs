@@ -7,9 +7,15 @@
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
 mod ao;
+mod auto;
+mod bdpt;
+pub mod bidirectional;
 pub mod emission;
+mod illuminance;
 pub mod irradiance;
+mod light;
 mod light_sampling;
+mod mlt;
 mod normals;
 mod particles;
 mod path;
@@ -19,10 +25,16 @@ mod photon_walk;
 mod radiosity;
 mod raster;
 mod sppm;
+mod vcm;
 mod volume;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
+pub use auto::Auto;
+pub use bdpt::Bdpt;
+pub use illuminance::Illuminance;
+pub use light::LightTracer;
+pub use mlt::Mlt;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
@@ -31,6 +43,7 @@ pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_
 pub use radiosity::Radiosity;
 pub use raster::Raster;
 pub use sppm::Sppm;
+pub use vcm::Vcm;
 pub use whitted::Whitted;
 
 use etendue_scene::RenderSettings;
@@ -70,6 +83,8 @@ pub struct Splat {
     /// Contribution to the pixel's mean radiance if each pixel had one sample: all splats of a picture are summed and divided by the
     /// samples per pixel. So an integrator that sends one path for each camera sample divides by the number of the picture's pixels.
     pub radiance: Spectrum,
+    /// Light group.
+    pub group: u32,
 }
 
 /// The last real scattering of a path, which the weights of the light found next refer to.
@@ -188,6 +203,9 @@ pub trait Integrator: Send + Sync {
         false
     }
 
+    /// Tells how far outside of the picture, in pixels, its filter reaches: so far splats are wanted. Before [`Self::prepare`].
+    fn set_margin(&mut self, _pixels: f32) {}
+
     /// Sentences for the user about what was done: what was chosen and why, energy balance, known bias. After [`Self::prepare`].
     fn notes(&self) -> Vec<String> {
         Vec::new()
@@ -198,14 +216,39 @@ pub trait Integrator: Send + Sync {
 }
 
 /// Names that [`create`] knows.
-pub const NAMES: &[&str] = &["path", "direct", "particles", "photon", "sppm", "radiosity", "raster", "whitted", "ao", "normals"];
+pub const NAMES: &[&str] = &[
+    "auto",
+    "path",
+    "bdpt",
+    "vcm",
+    "mlt",
+    "light",
+    "sppm",
+    "photon",
+    "particles",
+    "radiosity",
+    "raster",
+    "direct",
+    "whitted",
+    "illuminance",
+    "ao",
+    "normals",
+];
 
-/// The integrator that the settings name, else the file's, else `path`.
+/// The integrator where neither the user nor the file names one.
+pub const DEFAULT: &str = "auto";
+
+/// Whether the method that the settings or the file name wants lights hidden from the camera, whatever the file says of that.
+pub fn hides_lights(settings: &RenderSettings, desc: &IntegratorDesc) -> bool {
+    settings.integrator.as_deref().unwrap_or(&desc.name) == "illuminance"
+}
+
+/// The integrator that the settings name, else the file's, else [`DEFAULT`].
 ///
 /// # Errors
 /// A sentence where there is no integrator of that name.
 pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dyn Integrator>, String> {
-    let name = settings.integrator.as_deref().unwrap_or(if desc.name.is_empty() { "path" } else { &desc.name });
+    let name = settings.integrator.as_deref().unwrap_or(if desc.name.is_empty() { DEFAULT } else { &desc.name });
     // A depth that the file gives to its own integrator means nothing to another.
     let same = settings.integrator.is_none() || settings.integrator.as_deref() == Some(&desc.name) || desc.name.is_empty();
     let max_depth = settings.max_depth.or(if same { desc.max_depth } else { None });
@@ -213,7 +256,15 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     Ok(match name {
+        "auto" => {
+            let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
+            Box::new(Auto::new(path, photons()?))
+        }
         "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
+        "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
+        "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
@@ -221,6 +272,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "whitted" => Box::new(Whitted { max_depth, has_scattering: false }),
         "raster" => Box::new(Raster::new(raster::options(settings)?)),
         "radiosity" => Box::new(Radiosity::new(settings)?),
+        "illuminance" => {
+            let path = RenderSettings { integrator: Some("path".into()), ..settings.clone() };
+            Box::new(Illuminance::new(create(&path, desc)?))
+        }
         "ao" => Box::new(AmbientOcclusion { distance: settings.ao_distance.unwrap_or(f32::INFINITY) }),
         "normals" => Box::new(Normals),
         _ => return Err(format!("no integrator `{name}`; there are {}", NAMES.join(", "))),

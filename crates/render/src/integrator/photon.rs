@@ -9,6 +9,7 @@
 //!
 //! The map is the same for all views and samples: noise goes down with the samples, the blur of the map does not.
 
+use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
 use super::particles::add_beam;
@@ -19,7 +20,7 @@ use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::material::Scatter;
-use crate::math::INV_PI;
+use crate::math::{Frame, INV_PI, ONE_MINUS_EPSILON, Vec3, warp};
 use crate::photon::tree::Neighbors;
 use crate::photon::{Photon, PhotonTree, Query, Route, estimate};
 use crate::sampler::{HashRng, SampleStream};
@@ -28,6 +29,10 @@ use crate::spectrum::Spectrum;
 
 /// Surfaces that a gather ray may meet.
 const MAX_EVENTS: u32 = 64;
+/// Photons that say where light comes from.
+const GUIDES: usize = 32;
+/// 1 − cos of the half-angle about a photon's direction in which gather rays go: 10 degrees.
+const GUIDE_CONE: f32 = 0.015_192_25;
 /// Bytes for a photon's irradiance.
 const IRRADIANCE_BYTES: u64 = size_of::<[f32; 3]>() as u64;
 
@@ -129,30 +134,22 @@ impl PhotonMapping {
         let (mut s, mut scatter, mut wo): (Surface, Scatter, _) = (from.s.clone(), from.scatter.clone(), from.wo);
         let mut role = Role::First;
         let mut was_near = false;
-        for _ in 0..MAX_EVENTS {
-            let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
-            let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
-            let delta = sample.lobe.contains(Lobe::DELTA);
-            let goes_on = match role {
-                Role::First => !delta && sample.pdf <= MAX_PDF,
-                Role::Near => true,
-                Role::Guide => delta || !scatter.has_diffuse(),
-            };
-            throughput *= sample.value / sample.pdf;
-            if !goes_on || throughput.is_black() {
+        for event in 0..MAX_EVENTS {
+            let step = if role == Role::First { self.guided(from, stream) } else { guide(role, &scatter, wo, stream) };
+            let Some(step) = step else { return };
+            throughput *= step.weight;
+            if throughput.is_black() {
                 return;
             }
-            if scene.has_media && sample.lobe.contains(Lobe::TRANSMISSION) {
-                media.cross(scene, &s, sample.wi);
+            if scene.has_media && s.ng.dot(step.wi) * s.ng.dot(wo) < 0.0 {
+                media.cross(scene, &s, step.wi);
             }
-            if !sample.lobe.contains(Lobe::NULL) {
-                depth += 1;
-            }
+            depth += u32::from(event == 0 || !step.is_null);
             // The surface that comes next scatters as well.
             if depth >= self.settings.depth() {
                 return;
             }
-            let ray = Ray::new(s.offset_origin(sample.wi), sample.wi);
+            let ray = Ray::new(s.offset_origin(step.wi), step.wi);
             let found = scene.intersect(&ray);
             if let Some(medium) = scene.medium(&media) {
                 let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
@@ -178,11 +175,68 @@ impl PhotonMapping {
         }
     }
 
+    /// The direction of a gather ray: half of them by the BSDF, half towards where photons have come from (after Jensen 1995, "Importance
+    /// Driven Path Tracing using the Photon Map", doi:10.1007/978-3-7091-9430-0_31), weighed by the density of both.
+    fn guided(&self, at: &At, stream: &mut SampleStream) -> Option<Step> {
+        let (u_choice, u) = (stream.next_1d(), stream.next_2d());
+        let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: MAX_PDF };
+        let mut found = Neighbors::new();
+        let useful = |photon: &Photon| photon.route() == Route::Indirect && query.lands(photon);
+        self.global.nearest(at.s.p, GUIDES, self.reach, useful, &mut found);
+        let guides: ArrayVec<(Vec3, f32), GUIDES> = found
+            .iter()
+            .take(GUIDES)
+            .map(|(_, index)| self.global.photon(*index))
+            .map(|photon| (photon.from(), photon.power().max_component()))
+            .collect();
+        let total: f32 = guides.iter().map(|g| g.1).sum();
+        let share = if total > 0.0 && total.is_finite() { 0.5 } else { 0.0 };
+        let wi = if u_choice < share {
+            let mut rest = u_choice / share * total;
+            let chosen = guides.iter().find(|g| {
+                rest -= g.1;
+                rest < 0.0
+            });
+            let (axis, _) = chosen.or(guides.last())?;
+            Frame::from_normal(*axis).world_from_local(warp::uniform_cone(u, GUIDE_CONE))
+        } else {
+            let u_lobe = ((u_choice - share) / (1.0 - share)).clamp(0.0, ONE_MINUS_EPSILON);
+            let sample = at.scatter.sample(at.wo, u_lobe, u, TransportMode::Radiance)?;
+            if sample.lobe.contains(Lobe::DELTA) {
+                return None;
+            }
+            sample.wi
+        };
+        let (f, pdf) = at.scatter.eval_pdf(at.wo, wi, TransportMode::Radiance);
+        if f.is_black() || pdf > MAX_PDF {
+            return None;
+        }
+        let near: f32 = guides.iter().filter(|g| g.0.dot(wi) > 1.0 - GUIDE_CONE).map(|g| g.1).sum();
+        let guided = if share > 0.0 { near / total * warp::uniform_cone_pdf(GUIDE_CONE) } else { 0.0 };
+        let pdf = share * guided + (1.0 - share) * pdf;
+        (pdf > 0.0).then(|| Step { wi, weight: f / pdf, is_null: false })
+    }
+
     /// How far the estimate of the global map reaches at a point.
     fn search_radius(&self, s: &Surface) -> f32 {
         let mut found = Neighbors::new();
         self.global.nearest(s.p, self.settings.count(), self.reach, |p| p.normal().dot(s.ng).abs() > 0.7, &mut found).sqrt()
     }
+}
+
+/// A direction in which a gather ray goes on.
+struct Step {
+    wi: Vec3,
+    weight: Spectrum,
+    is_null: bool,
+}
+
+/// How a gather ray leaves a surface that it has come to.
+fn guide(role: Role, scatter: &Scatter, wo: Vec3, stream: &mut SampleStream) -> Option<Step> {
+    let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
+    let sample = scatter.sample(wo, u_lobe, u, TransportMode::Radiance)?;
+    let goes_on = role == Role::Near || sample.lobe.contains(Lobe::DELTA) || !scatter.has_diffuse();
+    goes_on.then(|| Step { wi: sample.wi, weight: sample.value / sample.pdf, is_null: sample.lobe.contains(Lobe::NULL) })
 }
 
 /// Whether a point scatters as Lambert's law says and not through the surface, so that irradiance tells all.

@@ -61,6 +61,7 @@ impl Radiosity {
 
 impl Integrator for Radiosity {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+        scene.needs_triangles("radiosity")?;
         let settings = radiosity::Settings { seed: stage.seed, ..self.settings };
         self.solution = Some(radiosity::solve(scene, &settings, self.display, &Progress::new(stage))?);
         Ok(())

@@ -98,6 +98,7 @@ impl Raster {
 
 impl Integrator for Raster {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+        scene.needs_triangles("raster")?;
         self.triangles = Triangles::from_scene(scene)?;
         let first = (stage.camera_sample)(0);
         let all =

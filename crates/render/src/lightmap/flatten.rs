@@ -237,6 +237,8 @@ fn to_world(data: &MeshData, shape: &ShapeDesc, world: Mat4) -> (MeshData, Fault
         keep[i - 1]
     });
     faults.normals += repair_normals(&mut out);
+    // No triangle has them any more.
+    out.positions.iter_mut().filter(|p| !is_good(p)).for_each(|p| *p = Vec3::ZERO);
     (out, faults)
 }
 

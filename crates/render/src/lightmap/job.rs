@@ -97,12 +97,12 @@ impl Bake {
         })
     }
 
-    /// Solves the scene by a method, as far as that is done before the first point.
+    /// Solves the scene by a method, as far as that is done before the first point: [`Method::new`].
     ///
     /// # Errors
     /// [`BakeError::Setting`]
-    pub fn method(&self, name: &str, stage: &Stage) -> Result<Method, BakeError> {
-        Method::new(name, &self.scene, &self.settings, stage)
+    pub fn method(&self, name: &str, gather: bool, stage: &Stage, notes: &mut Vec<String>) -> Result<Method, BakeError> {
+        Method::new(name, gather, &self.scene, &self.settings, stage, notes)
     }
 
     /// Path tracing by the settings.
@@ -178,9 +178,8 @@ impl Bake {
             }
             irradiance = refill(&irradiance);
         }
-        if seams::stitch(&self.flat, layout, &mut irradiance) {
-            irradiance = refill(&irradiance);
-        }
+        // Gutters are part of what both sides agree on, and stay as they are from here on.
+        seams::stitch(&self.flat, layout, &mut irradiance);
         let buried = spots.iter().filter(|s| s.is_buried).count();
         Ok(Baked { irradiance, albedo, normal, direction, vertices: Vec::new(), buried })
     }

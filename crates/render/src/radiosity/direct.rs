@@ -65,7 +65,8 @@ impl DirectLights {
             if share > 0.0 {
                 let e = sample.radiance * (cos * share * weight / sample.pdf);
                 if e.is_finite() {
-                    sum += e;
+                    // Sums over a scene must not overflow.
+                    sum += e.map(|v| v.min(1e18));
                 }
             }
         }

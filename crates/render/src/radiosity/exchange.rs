@@ -8,7 +8,9 @@ use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
 /// Points that stand for a cluster.
-const CLUSTER_SAMPLES: u32 = 8;
+const CLUSTER_SAMPLES: u32 = STRATA;
+/// Parts of a cluster, of equal area, that its points come from in turn.
+const STRATA: u32 = 16;
 
 /// A solution on a mesh.
 #[derive(Clone, Debug, Default)]
@@ -88,16 +90,22 @@ impl Factors<'_> {
     /// The factor from a receiver to a source of which one at least is a cluster, by points of both. For a cluster as receiver it is
     /// the factor of a surface of it that faces the source: times the cosine of its own, it is that of each of its faces (Smits, Arvo
     /// and Greenberg 1994, "A Clustering Algorithm for Radiosity in Complex Environments", doi:10.1145/192161.192277).
-    pub fn clusters(&self, receiver: u32, source: u32, importance: f32) -> Estimate {
+    ///
+    /// Each point of a source counts by the radiosity of its face over that of the whole: the receiver may see the bright sides of
+    /// walls and not the dark ones. So the factor belongs to the radiosities at hand; `spread` is the one without them.
+    pub fn clusters(&self, receiver: u32, source: u32, importance: f32, radiosity: &[Spectrum]) -> Estimate {
         let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
         let random = PairRandom::new(self.seed, receiver, source);
+        let turn = random.pair(u32::MAX);
+        let (shift, stride) = ((turn.x * STRATA as f32) as u32, 2 * ((turn.y * 8.0) as u32) + 1);
         let n = if importance > 1.0 { 2 * CLUSTER_SAMPLES } else { CLUSTER_SAMPLES };
         let is_cluster = r.is_cluster();
-        let mut halves = [0.0f32; 4];
-        let mut counts = [0u32; 4];
+        let mean = radiosity[source as usize].average();
+        let (mut factor, mut geometric, mut count) = (0.0f32, 0.0f32, 0u32);
         for i in 0..n {
             let at = self.sample(r, receiver, random, 4 * i, i);
-            let from = self.sample(s, source, random, 4 * i + 2, i);
+            // Which parts are paired is random: a fixed pairing would see the same half of everything.
+            let from = self.sample(s, source, random, 4 * i + 2, i.wrapping_mul(stride).wrapping_add(shift));
             let d = from.p - at.p;
             let dist2 = d.length_squared();
             let cos_r = at.normal.dot(d);
@@ -106,8 +114,7 @@ impl Factors<'_> {
                 continue;
             }
             let cos_s = -from.normal.dot(d);
-            let quarter = (i % 4) as usize;
-            counts[quarter] += 1;
+            count += 1;
             if !(cos_r > 0.0 && cos_s > 0.0 && dist2 > 0.0) {
                 continue;
             }
@@ -118,22 +125,22 @@ impl Factors<'_> {
                 (self.mesh.face(&self.mesh.nodes[at.face as usize]), self.mesh.face(&self.mesh.nodes[from.face as usize]));
             let (p, np) = self.mesh.faces.on_surface(self.scene, face_r, at.p);
             let (q, nq) = self.mesh.faces.on_surface(self.scene, face_s, from.p);
-            halves[quarter] += kernel.min(1.0) * visibility(self.scene, p, np, q, nq);
+            let kernel = kernel * visibility(self.scene, p, np, q, nq);
+            geometric += kernel;
+            factor += if mean > 0.0 && s.is_cluster() { kernel * (radiosity[from.face as usize].average() / mean) } else { kernel };
         }
-        let count: u32 = counts.iter().sum();
-        if count == 0 {
-            return Estimate::default();
-        }
-        let factor = (halves.iter().sum::<f32>() / count as f32).min(1.0);
-        Estimate { factor, spread: 0.0 }
+        let inv = 1.0 / count.max(1) as f32;
+        Estimate { factor: factor * inv, spread: (geometric * inv).min(1.0) }
     }
 
-    /// A point of a node: children by area, then uniform. Points with the index `i` fall into the node's quarters in turn.
+    /// A point of a node: children by area, then uniform. Points with the index `i` fall into the parts of a
+    /// cluster, or the quarters of a face, in turn.
     fn sample(&self, node: &Node, index: u32, random: PairRandom, at: u32, i: u32) -> Sample {
+        let is_cluster = node.is_cluster();
         let (mut node, mut index) = (node, index);
         let mut u = random.pair(at).x;
         if node.is_cluster() {
-            u = (u + (i % 8) as f32 * 0.125).fract() * 0.125 + (i % 8) as f32 * 0.125;
+            u = ((i % STRATA) as f32 + u) / STRATA as f32;
         }
         while node.is_cluster() {
             let first = &self.mesh.nodes[node.first_child as usize];
@@ -148,7 +155,7 @@ impl Factors<'_> {
             node = &self.mesh.nodes[index as usize];
         }
         let v = random.pair(at + 1);
-        let corners = super::form_factor::quarter(&node.corners, (i % 4) as usize);
+        let corners = if is_cluster { node.corners } else { super::form_factor::quarter(&node.corners, (i % 4) as usize) };
         Sample { p: point_of(&corners, v), normal: self.mesh.face(node).normal, face: index }
     }
 }

@@ -164,26 +164,39 @@ pub struct Side<'a> {
     pub normal: Vec3,
 }
 
-/// The factor from a receiver to a source: mean over the four quarters of the receiver of the exact factor of a point to the
-/// source, times the share of `rays` (per point, at least 1) that pass. Where some pass and some do not, four times as many are
+/// The quadrature over a triangle that is exact for polynomials of degree 4, with six points (Cowper 1973, "Gaussian Quadrature Formulas
+/// for Triangles", doi:10.1002/nme.1620070316): barycentric weights and shares.
+const CORNER_POINT: f32 = 0.091_576_21;
+const CORNER_WEIGHT: f32 = 0.109_951_74;
+const MIDDLE_POINT: f32 = 0.445_948_5;
+const MIDDLE_WEIGHT: f32 = 0.223_381_59;
+
+/// The factor from a receiver to a source: the mean over the receiver of the exact factor of a point to the source, by six points, times
+/// the share of `rays` (per quarter of the receiver, at least 1) that pass. Where some pass and some do not, four times as many are
 /// traced. `passes` is the share of light that passes between a point of the receiver and one of the source.
 pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: PairRandom, passes: impl Fn(Vec3, Vec3) -> f32) -> Estimate {
     let above = |c: &[Vec3; 3], s: &Side| c.iter().any(|&c| (c - s.corners[0]).dot(s.normal) > 0.0);
     if !above(source.corners, receiver) || !above(receiver.corners, source) {
         return Estimate::default();
     }
-    let mut unblocked = [0.0f32; 4];
-    let mut points = [Vec3::ZERO; 4];
-    for i in 0..4 {
-        let c = quarter(receiver.corners, i);
-        // Near its middle: the factor varies smoothly, the middle has the smallest error.
-        points[i] = (c[0] + c[1] + c[2]) / 3.0;
-        unblocked[i] = point_to_polygon(points[i], receiver.normal, source.corners);
-    }
-    if unblocked.iter().all(|&f| f <= 0.0) {
+    // Factors fall off from edges where surfaces meet and are convex there: the middle of an element alone would always be too dark.
+    let at = |b: [f32; 3]| receiver.corners[0] * b[0] + receiver.corners[1] * b[1] + receiver.corners[2] * b[2];
+    let of = |b: [f32; 3]| point_to_polygon(at(b), receiver.normal, source.corners);
+    let [a, b] = [CORNER_POINT, MIDDLE_POINT];
+    let (near, far) = (1.0 - 2.0 * a, 1.0 - 2.0 * b);
+    let corner = [of([near, a, a]), of([a, near, a]), of([a, a, near])];
+    let middle = [of([far, b, b]), of([b, far, b]), of([b, b, far])];
+    let total = CORNER_WEIGHT * (corner[0] + corner[1] + corner[2]) + MIDDLE_WEIGHT * (middle[0] + middle[1] + middle[2]);
+    if total <= 0.0 {
         return Estimate::default();
     }
+    // The quarters' shares of it, for the share of rays that pass.
+    let quarters = [corner[0], corner[1], corner[2], (middle[0] + middle[1] + middle[2]) / 3.0];
+    let height = |p: Vec3| (p - receiver.corners[0]).dot(receiver.normal);
+    let top = source.corners.iter().copied().fold(source.corners[0], |a, b| if height(b) > height(a) { b } else { a });
     let mut passed = [0.0f32; 4];
+    // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
+    let turn = (random.pair(u32::MAX).x * 4.0) as usize;
     let mut traced = 0u32;
     let mut trace = |passed: &mut [f32; 4], n: u32| {
         for k in traced..traced + n {
@@ -191,30 +204,26 @@ pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: Pair
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));
                 // Quarters of the source are paired with those of the receiver, turned by one each time.
-                let to = point_of(&quarter(source.corners, (i + k as usize) % 4), v);
-                if (to - receiver.corners[0]).dot(receiver.normal) <= 0.0 {
-                    // The part below the horizon is not in the factor; count the ray of the part above instead.
-                    let flip = point_of(source.corners, u);
-                    if (flip - receiver.corners[0]).dot(receiver.normal) <= 0.0 {
-                        passed[i] += 1.0;
-                        continue;
-                    }
-                    passed[i] += passes(points[i], flip);
-                    continue;
+                let mut to = point_of(&quarter(source.corners, (i + k as usize + turn) % 4), v);
+                let below = height(to);
+                if below <= 0.0 {
+                    // What is below the horizon is not in the factor: move towards the highest corner, to somewhere above.
+                    let above = height(top);
+                    to = top + (to - top) * (above / (above - below) * u.x);
                 }
-                let from = point_of(&quarter(receiver.corners, i), u);
-                passed[i] += passes(from, to);
+                passed[i] += passes(point_of(&quarter(receiver.corners, i), u), to);
             }
         }
         traced += n;
         traced
     };
     let mut n = trace(&mut passed, rays.max(1));
-    let total: f32 = passed.iter().sum();
-    if total > 0.0 && total < 4.0 * n as f32 {
+    let all: f32 = passed.iter().sum();
+    if all > 0.0 && all < 4.0 * n as f32 {
         n = trace(&mut passed, 3 * rays.max(1));
     }
-    let values: [f32; 4] = std::array::from_fn(|i| unblocked[i] * passed[i] / n as f32);
+    let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * passed[i] / n as f32);
     let (lo, hi) = values.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), &v| (lo.min(v), hi.max(v)));
-    Estimate { factor: 0.25 * values.iter().sum::<f32>(), spread: hi - lo }
+    let share = values.iter().sum::<f32>() / quarters.iter().sum::<f32>();
+    Estimate { factor: total * share, spread: hi - lo }
 }

@@ -29,7 +29,7 @@ pub struct Link {
     pub source: u32,
     /// Form factor; negative where it is not known yet, as long as the source is dark.
     pub factor: f32,
-    /// Its variation over the receiver.
+    /// Its variation over the receiver; where one of both is a cluster, the factor that does not know how unevenly a cluster shines.
     pub spread: f32,
 }
 
@@ -46,6 +46,10 @@ pub struct Options {
 
 /// Rounds of refinement and solution.
 const ROUNDS: [f32; 5] = [8.0, 4.0, 2.0, 1.0, 1.0];
+/// From this round on the light of clusters' faces is known well enough: their factors stay.
+const CLUSTERS_KNOWN: usize = 4;
+/// How uncertain a cluster's factor is: times its diameter over the distance.
+const CLUSTER_ERROR: f32 = 2.0;
 /// Bounces of a solution at most.
 const MAX_BOUNCES: u32 = 400;
 /// A solution ends when a bounce changes less than this share of all light.
@@ -116,6 +120,9 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         }
         progress.tell("radiosity", round as f64 / ROUNDS.len() as f64);
         state.measure();
+        if round < CLUSTERS_KNOWN {
+            state.forget_clusters();
+        }
         state.refine(*scale, &options.limits, progress);
         state.converge(progress);
     }
@@ -152,6 +159,12 @@ impl State<'_> {
             self.reference = ((emitted + first) / area.max(1e-30)) as f32;
             self.lit_area = area as f32;
         }
+    }
+
+    /// Lets factors of clusters be found anew: they depend on how the light is spread over their faces.
+    fn forget_clusters(&mut self) {
+        let nodes = &self.solved.mesh.nodes;
+        self.links.par_iter_mut().filter(|l| nodes[l.source as usize].is_cluster()).for_each(|l| l.factor = -1.0);
     }
 
     /// Refines links until all are good enough for `scale` times the error.
@@ -253,7 +266,7 @@ impl State<'_> {
         let dist = (r.center - s.center).length();
         let has_cluster = r.is_cluster() || s.is_cluster();
         if has_cluster && dist < r.radius + s.radius {
-            if b * weight > 0.05 * threshold {
+            if b * weight > 0.01 * threshold {
                 return (l, self.split_larger(&l, r, s));
             }
             // So little light that where it goes does not matter.
@@ -267,15 +280,19 @@ impl State<'_> {
             let importance = b * most * weight / threshold.max(1e-30);
             let factors = Factors { scene: self.scene, mesh: &self.solved.mesh, seed: self.seed };
             let e = if has_cluster {
-                factors.clusters(l.receiver, l.source, importance)
+                factors.clusters(l.receiver, l.source, importance, &self.solved.radiosity)
             } else {
                 factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4))
             };
             (l.factor, l.spread) = (e.factor, e.spread);
         }
-        let of_receiver = if r.is_cluster() { l.factor * 2.0 * r.radius / dist } else { l.spread.max(l.factor * 0.02) };
+        let of_receiver = match (r.is_cluster(), s.is_cluster()) {
+            (true, _) => l.factor * CLUSTER_ERROR * 2.0 * r.radius / dist,
+            (_, true) => l.factor * 2.0 * r.radius / dist,
+            _ => l.spread.max(l.factor * 0.02),
+        };
         let of_source = if s.is_cluster() {
-            l.factor * b * 2.0 * s.radius / dist
+            l.factor * b * CLUSTER_ERROR * 2.0 * s.radius / dist
         } else {
             let uneven = s.children().map(|c| (self.solved.radiosity[c as usize].average() - b).abs()).fold(0.0, f32::max);
             l.factor * uneven
@@ -362,7 +379,14 @@ impl State<'_> {
     fn finish(mut self, options: &Options) -> Solved {
         let offsets = offsets(&self.links, self.solved.mesh.nodes.len());
         let ones = vec![Spectrum::ONE; self.solved.mesh.nodes.len()];
-        let mut sums: Vec<f32> = gather(&self.solved.mesh, &self.links, &offsets, &ones).into_iter().map(|s| s.0[0]).collect();
+        let nodes = &self.solved.mesh.nodes;
+        let is_cluster = |i: u32| nodes[i as usize].is_cluster();
+        let geometric = |l: &Link| {
+            if l.factor > 0.0 && (is_cluster(l.source) || is_cluster(l.receiver)) { Link { factor: l.spread, ..*l } } else { *l }
+        };
+        let links: Vec<Link> = self.links.par_iter().map(geometric).collect();
+        let mut sums: Vec<f32> = gather(&self.solved.mesh, &links, &offsets, &ones).into_iter().map(|s| s.0[0]).collect();
+        drop(links);
         for (i, n) in self.solved.mesh.nodes.iter().enumerate() {
             if !n.is_cluster() && n.level > 0 {
                 sums[i] += sums[n.parent as usize];

@@ -10,10 +10,12 @@ use glam::Vec3;
 use rayon::prelude::*;
 
 use super::face::{Face, Faces, mean_optics};
-use super::form_factor::{area_of, quarter};
-use crate::math::Aabb;
+use super::form_factor::{PairRandom, area_of, point_of, quarter};
+use crate::accel::Ray;
+use crate::math::{Aabb, Frame, warp};
 use crate::scene::Scene;
 use crate::scene::geometry::NONE;
+use crate::scene::surface::offset;
 use crate::spectrum::Spectrum;
 
 /// Deepest subdivision of a face.
@@ -197,8 +199,9 @@ impl Mesh {
         self.nodes.iter().filter(|n| n.is_leaf() && !n.is_cluster()).count()
     }
 
-    /// Subdivides until no element is larger than `area`, or there are `limit` elements; returns whether the limit was met.
-    pub fn subdivide_to(&mut self, scene: &Scene, area: f32, limit: usize) -> bool {
+    /// Subdivides the faces that count until no element of them is larger than `area`, or there are `limit` elements; returns whether
+    /// the limit was met.
+    pub fn subdivide_to(&mut self, scene: &Scene, area: f32, limit: usize, counts: &[bool]) -> bool {
         let mut count = self.leaf_count();
         loop {
             let large: Vec<u32> = self
@@ -206,7 +209,7 @@ impl Mesh {
                 .into_iter()
                 .filter(|&i| {
                     let n = &self.nodes[i as usize];
-                    n.area > area && n.level < MAX_LEVEL
+                    n.area > area && n.level < MAX_LEVEL && counts[n.face as usize]
                 })
                 .collect();
             if large.is_empty() {
@@ -218,6 +221,24 @@ impl Mesh {
             count += 3 * large.len();
             self.subdivide(scene, &large);
         }
+    }
+
+    /// For each face whether anything is before it, as far as some rays tell: the outer sides of a room's walls need no elements. All
+    /// count where light comes from outside.
+    pub fn faces_that_see(&self, scene: &Scene) -> Vec<bool> {
+        const RAYS: u32 = 24;
+        if !scene.infinite_lights.is_empty() {
+            return vec![true; self.faces.faces.len()];
+        }
+        let sees = |(i, face): (usize, &Face)| {
+            let random = PairRandom::new(0x5ee5, i as u32, 0);
+            (0..RAYS).any(|k| {
+                let (p, n) = self.faces.on_surface(scene, face, point_of(&quarter(&face.corners, (k % 4) as usize), random.pair(2 * k)));
+                let d = Frame::from_normal(n).world_from_local(warp::cosine_hemisphere(random.pair(2 * k + 1)));
+                scene.accel.occluded(&Ray::new(offset(p, n), d))
+            })
+        };
+        self.faces.faces.par_iter().enumerate().map(sees).collect()
     }
 
     /// The leaf of a face at barycentric weights, with the weights of its own corners.
@@ -308,7 +329,7 @@ mod tests {
         let c = [Vec3::new(0.1, 0.2, 0.3), Vec3::new(2.0, -0.5, 1.0), Vec3::new(0.4, 3.0, -1.0)];
         for k in 0..200u32 {
             let u = crate::math::Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
-            let b = crate::math::warp::triangle(u);
+            let b = warp::triangle(u);
             let b = Vec3::new(1.0 - b.x - b.y, b.x, b.y);
             let p = c[0] * b.x + c[1] * b.y + c[2] * b.z;
             let (i, w) = descend_once(b);

@@ -22,9 +22,6 @@ pub mod reconstruct;
 mod report;
 pub mod shapes;
 
-#[cfg(test)]
-mod tests;
-
 use etendue_scene::RenderSettings;
 
 use crate::integrator::Stage;
@@ -139,7 +136,7 @@ pub const DEFAULT_MATRIX_ELEMENTS: usize = 3000;
 /// More than this many elements make a matrix of more than 4 GiB.
 pub const MAX_MATRIX_ELEMENTS: usize = 20_000;
 /// Elements of progressive refinement where the user gives no number.
-pub const DEFAULT_PROGRESSIVE_ELEMENTS: usize = 20_000;
+pub const DEFAULT_PROGRESSIVE_ELEMENTS: usize = 6000;
 
 impl Settings {
     /// From the user's settings.
@@ -222,7 +219,7 @@ impl<'a> Progress<'a> {
 ///
 /// # Errors
 /// A sentence where the scene has more triangles than elements are allowed, or no surface.
-pub fn build_mesh(scene: &Scene, settings: &Settings, lights: &DirectLights) -> Result<(Mesh, Vec<String>), String> {
+pub fn build_mesh(scene: &Scene, settings: &Settings, lights: &DirectLights, progress: &Progress) -> Result<(Mesh, Vec<String>), String> {
     if scene.classic.is_some() {
         return Err("radiosity cannot render scenes of POV-Ray's model yet".into());
     }
@@ -240,14 +237,35 @@ pub fn build_mesh(scene: &Scene, settings: &Settings, lights: &DirectLights) -> 
         }
         return Ok((mesh, notes));
     }
-    // Evenly first; what is left of the limit goes to shadow edges.
-    let target = (limit as f32 * 0.6).max(1.0);
-    let mut area = mesh.area / target;
-    while mesh.subdivide_to(scene, area, (limit as f32 * 0.8) as usize) {
+    // Evenly first, as far as faces see something; the rest of the limit goes to where a coarse hierarchical solution finds that light
+    // changes: to shadow edges.
+    let counts = mesh.faces_that_see(scene);
+    let area: f64 =
+        mesh.faces.faces.iter().zip(&counts).filter(|(_, c)| **c).map(|(f, _)| f64::from(form_factor::area_of(&f.corners))).sum();
+    let mut area = (area / (0.4 * limit as f64).max(1.0)) as f32;
+    while mesh.subdivide_to(scene, area, limit / 2, &counts) {
         area *= 2.0;
     }
+    let mut mesh = adapt(scene, mesh, settings, lights, progress)?;
     lights.subdivide(scene, &mut mesh, 8.0 * settings.error, limit);
     Ok((mesh, notes))
+}
+
+/// Refines a mesh by the hierarchical method with an error that leads to most of the elements that are allowed.
+fn adapt(scene: &Scene, mesh: Mesh, settings: &Settings, lights: &DirectLights, progress: &Progress) -> Result<Mesh, String> {
+    let limit = settings.limits.elements;
+    let mut best = mesh;
+    // A mesh is a refinement of the one before, so the error may come down in steps.
+    for error in [16.0, 4.0, 1.0, 0.3] {
+        let limits = Limits { elements: limit, links: (limit * 200).max(100_000) };
+        let options = hierarchical::Options { error: error * DEFAULT_ERROR, limits, seed: settings.seed };
+        let solved = hierarchical::solve(scene, best, lights, &options, progress)?;
+        best = solved.mesh;
+        if best.leaf_count() as f64 > 0.85 * limit as f64 || progress.is_cancelled() {
+            break;
+        }
+    }
+    Ok(best)
 }
 
 /// Light on the surfaces of a scene.
@@ -267,7 +285,7 @@ pub struct Solution {
 pub fn solve(scene: &Scene, settings: &Settings, display: Display, progress: &Progress) -> Result<Solution, String> {
     let lights = DirectLights::new(scene, settings.seed);
     progress.tell("elements", 0.0);
-    let (mesh, mut notes) = build_mesh(scene, settings, &lights)?;
+    let (mesh, mut notes) = build_mesh(scene, settings, &lights, progress)?;
     let (seed, form_factors, hemicube) = (settings.seed, settings.form_factors, settings.hemicube);
     let mut solved = match settings.method {
         Method::Matrix => {
@@ -275,7 +293,7 @@ pub fn solve(scene: &Scene, settings: &Settings, display: Display, progress: &Pr
         }
         Method::Progressive => {
             let max_shots = 4 * settings.limits.elements;
-            let options = progressive::Options { form_factors, unshot: settings.unshot, max_shots, hemicube, patch: 6.0, seed };
+            let options = progressive::Options { form_factors, unshot: settings.unshot, max_shots, hemicube, patch: 16.0, seed };
             progressive::solve(scene, mesh, &lights, &options, progress)
         }
         Method::Hierarchical => {

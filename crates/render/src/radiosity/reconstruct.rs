@@ -4,7 +4,7 @@
 //! vertices the irradiance is linear. Where an element meets smaller ones, their vertex on its edge counts too: the element is drawn as
 //! four triangles between its corners and the middles of its edges, and an edge without such a vertex has the mean of its ends in
 //! the middle, so that there are no cracks. Elements are subdivided first until neighbors differ by one level at most (the
-//! restricted quadtree of Von Herzen and Barr 1987, doi:10.1145/37401.37434).
+//! restricted quadtree of Von Herzen and Barr 1987, doi:10.1145/37401.37415).
 
 use std::collections::HashSet;
 

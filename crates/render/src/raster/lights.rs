@@ -161,7 +161,8 @@ fn extent(scene: &Scene, lights: &[u32]) -> Option<Extent> {
     let variance = |axis: DVec3| {
         let of = |v: &[DVec3; 3]| {
             let x = v.map(|p| (p - center).dot(axis));
-            (x.iter().map(|x| x * x).sum::<f64>() + x.iter().sum::<f64>().powi(2)) / 12.0 * doubled(v)
+            let sum: f64 = x.iter().sum();
+            (x.iter().map(|x| x * x).sum::<f64>() + sum * sum) / 12.0 * doubled(v)
         };
         triangles.iter().map(of).sum::<f64>() / area
     };

@@ -224,9 +224,8 @@ impl ShadowMap {
 
     fn hard(&self, r: &Receiver) -> f32 {
         let map = &self.maps[r.map];
-        // Texels between which the point may lie are half a diagonal apart.
-        let slope = (1.0 / (r.cos * r.cos).max(1e-12) - 1.0).sqrt().min(MAX_SLOPE);
-        let bias = r.bias * r.texel * (0.1 + 0.71 * slope) + r.rounding;
+        // The point may lie half a diagonal from the texel's center.
+        let bias = r.bias * r.texel * (0.1 + 0.71 * r.slope.min(MAX_SLOPE)) + r.rounding;
         let [x, y] = [r.pixel.x.floor(), r.pixel.y.floor()];
         f32::from(u8::from(!(map.distance(x, y) < r.distance - bias)))
     }
@@ -369,8 +368,8 @@ struct Receiver {
     texel: f64,
     /// Unit direction in which the light comes.
     towards: DVec3,
-    /// Cosine between normal and the map's lines of sight.
-    cos: f64,
+    /// By how much the plane's distance along the map's axis changes across it.
+    slope: f64,
     bias: f64,
     /// What `f32` coordinates and depths may err by.
     rounding: f64,
@@ -383,11 +382,14 @@ impl Receiver {
         let towards = d.normalize();
         let cos = n.dot(towards).abs().min(1.0);
         let texel = view.pixel_size(distance);
+        // d has length 1 along the axis, also where it is far from it.
+        let pose = view.pose();
+        let slope = DVec2::new(n.dot(pose.right), n.dot(pose.up)).length() / n.dot(d).abs().max(1e-9);
         // Grazing light needs most, and none that comes straight on.
         let moved = p + n * (bias * 0.5 * texel * (1.0 - cos * cos).sqrt());
         let rounding = bias * 4.0 * f64::from(f32::EPSILON) * (p.abs().max_element() + (p - o).length());
         let (pixel, distance) = view.project(moved.as_vec3()).unwrap_or((pixel, distance));
-        Self { p: moved, n, map, pixel, distance, texel, towards, cos, bias, rounding }
+        Self { p: moved, n, map, pixel, distance, texel, towards, slope, bias, rounding }
     }
 
     #[inline]

@@ -57,7 +57,7 @@ impl Sampler {
     #[inline]
     pub fn stream(&self, x: u32, y: u32, index: u32) -> SampleStream {
         let pixel = hash_words([self.seed, u64::from(x) << 32 | u64::from(y)]);
-        SampleStream { kind: self.kind, spp: self.spp, pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
+        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
     }
 }
 
@@ -66,12 +66,31 @@ impl Sampler {
 pub struct SampleStream {
     kind: SamplerKind,
     spp: u32,
+    at: [u32; 2],
     pixel: [u32; 2],
     index: u32,
     dimension: u32,
 }
 
 impl SampleStream {
+    /// Column and row of the pixel.
+    #[inline]
+    pub fn pixel(&self) -> [u32; 2] {
+        self.at
+    }
+
+    /// Index of the sample.
+    #[inline]
+    pub fn index(&self) -> u32 {
+        self.index
+    }
+
+    /// The same sample's numbers from a dimension on: for parts of a sample that must not shift each other's numbers.
+    #[inline]
+    pub fn at(&self, dimension: u32) -> Self {
+        Self { dimension, ..*self }
+    }
+
     /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
     #[inline]
     fn dimension_hash(&self) -> [u32; 2] {

@@ -181,6 +181,19 @@ impl Scene {
         &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
     }
 
+    /// Whether a method that needs triangles can be used.
+    ///
+    /// # Errors
+    /// A sentence for scenes of exact solids.
+    pub fn needs_triangles(&self, method: &str) -> Result<(), String> {
+        match self.solids {
+            None => Ok(()),
+            Some(_) => Err(format!(
+                "`{method}` needs triangles, and the solids of POV-Ray scenes are exact: path tracing and its kin can render them"
+            )),
+        }
+    }
+
     /// Whether the camera does not see the light of a surface. Light sources of classic scenes have no surface of their own, only
     /// what glows has.
     #[inline]

@@ -112,7 +112,7 @@ impl Plan {
         let integrator = settings
             .integrator
             .clone()
-            .unwrap_or_else(|| if desc.integrator.name.is_empty() { "path".to_owned() } else { desc.integrator.name.clone() });
+            .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
         Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
     }
 }
@@ -227,6 +227,10 @@ pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Resul
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
     if plan.antialias.is_some() && integrator.shares_camera_samples() {
         return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    }
+    if plan.antialias.is_some() && integrator.splats() {
+        let message = "brings light to all pixels with every sample, so that `antialias`, which leaves samples out, does not go with it";
+        return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
     }
     Ok(integrator)
 }

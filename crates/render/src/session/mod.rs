@@ -138,6 +138,7 @@ impl Session {
         meta: FilmMeta,
     ) -> Result<Self, FilmError> {
         spec.channels = film_channels(&aovs, &scene.group_names);
+        spec.splats = integrator.splats();
         let filter = FilterSampler::new(spec.filter);
         let mut film = Film::new(spec)?;
         film.meta = meta;
@@ -181,6 +182,11 @@ impl Session {
     /// Whether samples give light to pixels other than their own: then a part is the whole picture.
     pub fn splats(&self) -> bool {
         self.integrator.splats()
+    }
+
+    /// Whether each pass begins with work of its own, such as new particles: parts of a picture would each do it again.
+    pub fn has_costly_passes(&self) -> bool {
+        self.integrator.pass_limit() < PASS_LIMIT
     }
 
     /// Changes the tiles and their order; for tests, which show that neither matters.
@@ -236,6 +242,7 @@ impl Session {
             progress: &progress,
         };
         if !self.is_prepared {
+            self.integrator.set_margin(spec.filter.radius());
             self.integrator.prepare(&self.scene, &stage).map_err(SessionError::Integrator)?;
             self.is_prepared = !cancel.is_cancelled();
         }
@@ -353,7 +360,11 @@ impl Session {
             for x in rect.x0..rect.x1 {
                 for index in begin..end {
                     let weight = match &self.centers {
-                        None => self.sample(x, y, index, &mut estimate),
+                        None => {
+                            let (weight, stream) = self.sample(x, y, index, &mut estimate);
+                            self.splat(&estimate, stream, tile);
+                            weight
+                        }
                         Some(centers) if index == 0 => {
                             self.center(x, y, &mut estimate);
                             centers.keep(x, y, estimate.radiance);
@@ -368,7 +379,7 @@ impl Session {
                                 // None of this pixel's further samples is needed.
                                 break;
                             }
-                            self.sample(x, y, index - 1, &mut estimate)
+                            self.sample(x, y, index - 1, &mut estimate).0
                         }
                     };
                     channels::values(&estimate, &self.aovs, &mut values);
@@ -383,20 +394,30 @@ impl Session {
         }
     }
 
-    /// One sample of a pixel; returns its filter weight.
-    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> f32 {
+    /// One sample of a pixel; returns its filter weight and the numbers that are left.
+    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> (f32, SampleStream) {
         let mut stream = self.sampler.stream(x, y, index);
         if self.integrator.shares_camera_samples() {
             let shared = shared_sample(&self.sampler, &self.filter, index);
             let camera_ray = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
             estimate.reset(self.scene.group_names.len());
             self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
-            return shared.weight;
+            return (shared.weight, stream);
         }
         let filtered = self.filter.sample(stream.next_2d());
         let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
         self.trace(picture, &mut stream, estimate);
-        filtered.weight
+        (filtered.weight, stream)
+    }
+
+    /// Hands a sample's light for other pixels to the film.
+    fn splat(&self, estimate: &Estimate, mut stream: SampleStream, tile: &mut Film) {
+        for splat in &estimate.splats {
+            let landed = self.filter.land(splat.picture, stream.next_independent_2d());
+            if let Some((Ok(x), Ok(y), weight)) = landed.map(|(x, y, weight)| (u32::try_from(x), u32::try_from(y), weight)) {
+                tile.add_splat(x, y, weight, splat.radiance.rgb(), splat.group);
+            }
+        }
     }
 
     /// The sample through the center of a pixel. Its random numbers are those of an index that no session comes to.

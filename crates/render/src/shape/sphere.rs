@@ -17,6 +17,11 @@ pub struct Sphere {
     area: f32,
 }
 
+/// Squared distances from the center of the unit sphere up to this above 1 count as on it.
+const ON_SURFACE: f32 = 1e-5;
+/// What is nearer than this to a point on the unit sphere is not sampled from there: its direction would have no digits.
+const NEAREST: f32 = 1e-4;
+
 impl Sphere {
     /// A true sphere in the object's axes; `None` where the radius is not positive or something not finite.
     pub fn new(center: Vec3, radius: f32) -> Option<Self> {
@@ -142,11 +147,13 @@ impl Sphere {
         AreaSample { p: self.affine.world_from_unit(q), ng, uv: uv_from_unit(q), pdf }
     }
 
-    /// 1 − cos of the half-angle under which the unit sphere is seen from `f`: 2 (every direction) from the inside.
+    /// 1 − cos of the half-angle under which the unit sphere is seen from `f`: 2 (every direction) from the inside, and from the surface
+    /// itself, whose points may lie outside by rounding.
     #[inline]
     fn cone(f: Vec3) -> f32 {
-        let sin2 = 1.0 / f.length_squared();
-        if sin2 < 1.0 { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
+        let dist2 = f.length_squared();
+        let sin2 = 1.0 / dist2;
+        if dist2 > 1.0 + ON_SURFACE { sin2 / (1.0 + (1.0 - sin2).sqrt()) } else { 2.0 }
     }
 
     /// The density per solid angle in the world of directions that are uniform in the cone in the unit sphere's space;
@@ -186,6 +193,9 @@ impl Sphere {
             let d = warp::uniform_sphere(u);
             let b = -f.dot(d);
             let t = b + fns::safe_sqrt(b * b + (1.0 - f.length_squared()));
+            if t < NEAREST {
+                return None;
+            }
             (f + d * t).normalize_or_zero()
         };
         let s = self.sample_at(q, 0.0);
@@ -199,7 +209,9 @@ impl Sphere {
         let f = self.affine.unit_from_world(ref_p);
         let one_minus_cos = Self::cone(f);
         // With slack for points at the outline.
-        if one_minus_cos < 2.0 && self.affine.unit_from_world(p).dot(f) < 1.0 - 1e-3 * f.length() {
+        let q = self.affine.unit_from_world(p);
+        if one_minus_cos < 2.0 && q.dot(f) < 1.0 - 1e-3 * f.length() || one_minus_cos == 2.0 && (q - f).length_squared() < NEAREST * NEAREST
+        {
             return 0.0;
         }
         let pdf = self.cone_pdf(one_minus_cos, (p - ref_p).normalize_or_zero());

@@ -98,12 +98,18 @@ def layers(who: Who, farm: TheFarm, job_id: JobId, frame: FrameNumber) -> Layers
 @router.get(
     "/jobs/{job_id}/frames/{frame}/layers/{layer}",
     response_class=Response,
-    responses={**refusals(404), 200: {"content": {MEDIA_TYPE: {}}, "description": "Header and numbers, see etendue/console/wire.py."}},
+    responses={
+        **refusals(404),
+        204: {"description": "No unit is done yet."},
+        200: {"content": {MEDIA_TYPE: {}}, "description": "Header and numbers, see etendue/console/wire.py."},
+    },
 )
 def layer(
     who: Who, farm: TheFarm, job_id: JobId, frame: FrameNumber, layer: Layer, size: Size = 1600, if_none_match: IfNoneMatch = None
 ) -> Response:
     """Give a layer of a frame as it is now, as numbers: for the picture viewer."""
+    if not farm.pictures.layers(who, job_id, frame):
+        return Response(status_code=204)
     version, names, numbers = farm.pictures.layer(who, job_id, frame, layer, size=size)
     tag = f'"{version}-{layer}-{size}"' if layer.isascii() else f'"{version}"'
     headers = {"ETag": tag, "Cache-Control": "private, no-cache"}

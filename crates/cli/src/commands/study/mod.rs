@@ -28,7 +28,7 @@ const DEFAULT_TIME: Duration = Duration::from_secs(10);
 /// A reference that the study makes itself gets this many times the methods' samples or time.
 const REFERENCE_FACTOR: u32 = 8;
 /// Methods that make no picture of the scene's light.
-const NOT_STUDIED: [&str; 2] = ["ao", "normals"];
+const NOT_STUDIED: [&str; 3] = ["ao", "normals", "illuminance"];
 
 /// Which methods to compare, for how long, and against what.
 #[derive(clap::Args)]

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use etendue_procedural::{Context, Finish, Texture, TextureFill};
 use etendue_scene::Loss;
 use etendue_scene::desc::classic::{ClassicScene, Interior, Object as Solid};
-use etendue_scene::desc::{Color, Param, PhaseDesc, SceneDesc};
+use etendue_scene::desc::{Color, Param, SceneDesc};
 use glam::{DVec2, DVec3};
 
 use super::ClassicWorld;
@@ -107,7 +107,7 @@ impl Physical {
                 *known.entry(Arc::as_ptr(interior)).or_insert_with(|| match absorption(interior) {
                     Some(sigma_a) => {
                         let zero = [0.0; 3];
-                        media.push(Medium::Homogeneous(Homogeneous::new(sigma_a, zero, zero, Phase::new(&PhaseDesc::Isotropic))));
+                        media.push(Medium::Homogeneous(Homogeneous::new(sigma_a, zero, zero, Phase::Isotropic)));
                         media.len() as u32 - 1
                     }
                     None => NONE,

@@ -92,7 +92,7 @@ fn compile_with(
         view: None,
         has_null,
         mipmap: settings.mipmap,
-        hide_lights: desc.integrator.hide_lights,
+        hide_lights: desc.integrator.hide_lights || crate::integrator::hides_lights(settings, &desc.integrator),
         light_hash: settings.photon_map.is_some().then(|| desc.light_hash()),
         classic: None,
         solids,

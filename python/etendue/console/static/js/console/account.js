@@ -32,7 +32,7 @@ export async function accountPage(main, app) {
       const done = await attempt(() => post("/me/password", { old: old.value, new: fresh.value }), "The password is changed. Sign in again.");
       old.value = fresh.value = "";
       if (done !== undefined) window.dispatchEvent(new Event("signed-out"));
-    } }, h("h2", {}, "Password"), field("The old one", old), field("The new one", fresh, "At least 10 characters"), h("button", { class: "main" }, "Change")),
+    } }, h("h2", {}, "Password"), h("input", { type: "text", autocomplete: "username", value: me.name, hidden: true, readonly: true, "aria-hidden": "true" }), field("The old one", old), field("The new one", fresh, "At least 10 characters"), h("button", { class: "main" }, "Change")),
     h("section", { class: "card wide" }, h("h2", {}, "API tokens"), h("p", { class: "soft" }, "For scripts and `etendue farm` on other machines: Authorization: Bearer …"),
       h("form", { class: "row", onsubmit: async (e) => {
         e.preventDefault();

@@ -75,7 +75,7 @@ export async function jobPage(main, app, id) {
     picture.compare(m === "off" ? null : other, m === "off" ? "single" : m);
     if (m !== "off" && !other) version.textContent = "There is no earlier version yet; it comes with the next units.";
   }
-  picture.addEventListener("zoom", ({ detail }) => (zoom.textContent = `${Math.round(100 * detail)} %`));
+  picture.addEventListener("zoom", ({ detail }) => (zoom.textContent = picture.frame ? `${Math.round(100 * detail)} %` : ""));
   picture.addEventListener("pixel", ({ detail }) => {
     const text = (values) => values.map((v) => short(v)).join("  ");
     pixel.textContent = detail ? `${detail.x}, ${detail.y}: ${text(detail.values)}${detail.other ? `  |  ${text(detail.other)}` : ""}` : " ";
@@ -91,12 +91,17 @@ export async function jobPage(main, app, id) {
         signal: asking.signal,
       });
       if (response.status === 304) return;
+      if (response.status === 204) {
+        empty.hidden = Boolean(picture.frame) && picture.frame.frame === frame;
+        return;
+      }
       etag = response.headers.get("ETag");
       const next = decode(await response.arrayBuffer());
       const now = picture.frame;
       if (now && now.frame === next.frame && now.layer === next.layer && now.width === next.width && now.version !== next.version) before = now;
       if (now && now.frame !== next.frame) before = null;
       empty.hidden = true;
+      $("#save-png").disabled = false;
       picture.show(next);
       if (mode !== "off") picture.compare(pinned ?? before, mode);
       if (layerSelect.options.length !== next.layers.length) layerSelect.replaceChildren(...next.layers.map((l) => h("option", {}, l)));
@@ -105,10 +110,7 @@ export async function jobPage(main, app, id) {
       stage.dataset.version = String(next.version);
     } catch (e) {
       if (e.name === "AbortError" || e.status === 401) return;
-      if (e.status === 404) {
-        empty.hidden = Boolean(picture.frame) && picture.frame.frame === frame;
-        empty.textContent = sentence(e.message);
-      } else version.textContent = e.message;
+      version.textContent = sentence(e.message);
     }
   }
   function goTo(number) {
@@ -216,7 +218,7 @@ export async function jobPage(main, app, id) {
   const grid = h("ol", { class: "grid", id: "frames" });
   const gridFoot = h("div", { class: "foot" });
   const cards = new Rows(grid, (f) => {
-    const image = h("img", { alt: "", loading: "lazy", width: "160", height: "90", hidden: true });
+    const image = h("img", { alt: "", width: "160", height: "90", hidden: true });
     image.addEventListener("load", () => (image.hidden = false));
     const mark = h("span", { class: "mark" });
     const meter = h("progress", { max: "1", "aria-label": `Progress of frame ${f.number}` });
@@ -309,7 +311,7 @@ export async function jobPage(main, app, id) {
         a.className = "button";
         return a;
       }),
-      h("button", { type: "button", id: "save-png", onclick: savePng, title: "As it is shown here" }, "PNG as shown"),
+      h("button", { type: "button", id: "save-png", disabled: !picture.frame, onclick: savePng, title: "As it is shown here" }, "PNG as shown"),
       files.length > 1 ? h("a", { class: "button", id: "zip", href: `${API}/jobs/${id}/outputs.zip`, download: "" }, `All ${files.length} files (zip)`) : "",
       job.kind === "animation" && job.frames_done > 0 ? h("button", { type: "button", id: "movie", onclick: saveMovie }, "Film (MP4)") : "");
     filesNothing.hidden = files.length > 0;
@@ -376,7 +378,7 @@ export async function jobPage(main, app, id) {
         stage,
         h("div", { class: "under" }, zoom, pixel, h("span", { class: "space" }), version)),
       h("aside", { class: "card facts", "aria-label": "Facts" }, facts, h("h2", {}, "Download"), downloads)),
-    tablist, panels,
+    tablist, ...panels,
   );
 
   const layers = () => [...layerSelect.options].map((o) => o.value);

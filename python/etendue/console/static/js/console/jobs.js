@@ -65,7 +65,7 @@ export async function jobsPage(main, app) {
       tick.checked ? chosen.add(job.id) : chosen.delete(job.id);
       render();
     } });
-    const image = h("img", { class: "thumb", alt: "", width: "72", height: "40", hidden: true, loading: "lazy" });
+    const image = h("img", { class: "thumb", alt: "", width: "72", height: "40", hidden: true });
     image.addEventListener("load", () => (image.hidden = false));
     image.addEventListener("error", () => (image.hidden = true));
     const link = h("a", { href: `/jobs/${job.id}`, class: "name" });

@@ -1,0 +1,480 @@
+//! Radiosity: form factors against closed forms, furnaces, agreement of methods with each other and with path tracing, hostile meshes.
+
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
+mod support;
+
+use std::f64::consts::PI;
+
+use etendue_render::accel::Ray;
+use etendue_render::camera::CameraRay;
+use etendue_render::integrator::{Estimate, Integrator, Path};
+use etendue_render::lightmap::SurfaceLight;
+use etendue_render::radiosity::direct::DirectLights;
+use etendue_render::radiosity::matrix::{FactorMatrix, Options};
+use etendue_render::radiosity::{Display, FormFactors, Limits, Method, Progress, Settings, Solution, Solver, build_mesh, solve};
+use etendue_render::sampler::{Sampler, SamplerKind};
+use etendue_render::scene::Scene;
+use etendue_scene::SceneDesc;
+use etendue_scene::desc::*;
+use glam::{Mat4, Vec2, Vec3};
+use support::*;
+
+fn compiled(desc: &mut SceneDesc) -> Scene {
+    perspective(desc, Vec3::new(0.1, 0.2, 0.3), Vec3::ONE, 60.0);
+    compile(desc, &settings(8, 8, 1))
+}
+
+fn with(method: Method, elements: usize) -> Settings {
+    Settings { method, limits: Limits { elements, links: 4_000_000 }, ..Settings::default() }
+}
+
+fn solved(scene: &Scene, settings: &Settings) -> Solution {
+    solve(scene, settings, Display::Smooth, &Progress::silent()).unwrap()
+}
+
+/// Irradiance where a ray meets something.
+fn irradiance(scene: &Scene, solution: &Solution, o: Vec3, d: Vec3) -> [f64; 3] {
+    let s = scene.intersect(&Ray::new(o, d)).expect("a surface");
+    solution.irradiance(scene, &s).rgb().map(f64::from)
+}
+
+/// The factor between the first and the second object of a scene: the share of the first one's view that the second fills.
+fn factor(scene: &Scene, form_factors: FormFactors, elements: usize) -> f64 {
+    let s = Settings { form_factors, hemicube: 400, ..with(Method::Matrix, elements) };
+    let lights = DirectLights::new(scene, 0);
+    let (mesh, _) = build_mesh(scene, &s, &lights, &Progress::silent()).unwrap();
+    let leaves = mesh.leaves();
+    let options = Options { form_factors, solver: Solver::Direct, hemicube: s.hemicube, seed: 0 };
+    let matrix = FactorMatrix::new(scene, &mesh, &leaves, &options, &Progress::silent());
+    let object = |k: usize| mesh.face(&mesh.nodes[leaves[k] as usize]).object;
+    let (mut sum, mut area) = (0.0f64, 0.0f64);
+    for i in (0..leaves.len()).filter(|&i| object(i) == 0) {
+        let a = f64::from(mesh.nodes[leaves[i] as usize].area);
+        area += a;
+        sum += a * matrix.row(i).iter().enumerate().filter(|(j, _)| object(*j) == 1).map(|(_, &f)| f64::from(f)).sum::<f64>();
+    }
+    sum / area
+}
+
+/// Parallel rectangles of edges `a` and `b`, one above the other at a distance (Howell, "A Catalog of Radiation Heat Transfer
+/// Configuration Factors", C-11).
+fn parallel(a: f64, b: f64, distance: f64) -> f64 {
+    let (x, y) = (a / distance, b / distance);
+    let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+    let log = (rx * rx * ry * ry / (1.0 + x * x + y * y)).sqrt().ln();
+    2.0 / (PI * x * y) * (log + x * ry * (x / ry).atan() + y * rx * (y / rx).atan() - x * x.atan() - y * y.atan())
+}
+
+/// Perpendicular rectangles with a common edge of length `l`; from the one of width `w` to the one of height `h` (Howell, C-14).
+fn perpendicular(l: f64, w: f64, h: f64) -> f64 {
+    let (h, w) = (h / l, w / l);
+    let (h2, w2) = (h * h, w * w);
+    let r = (h2 + w2).sqrt();
+    let log = ((1.0 + w2) * (1.0 + h2) / (1.0 + w2 + h2)).ln()
+        + w2 * (w2 * (1.0 + w2 + h2) / ((1.0 + w2) * (w2 + h2))).ln()
+        + h2 * (h2 * (1.0 + h2 + w2) / ((1.0 + h2) * (h2 + w2))).ln();
+    (w * (1.0 / w).atan() + h * (1.0 / h).atan() - r * (1.0 / r).atan() + 0.25 * log) / (PI * w)
+}
+
+/// Coaxial parallel disks, from the one of radius `r1` to the one of `r2` (Howell, C-41).
+fn disks(r1: f64, r2: f64, distance: f64) -> f64 {
+    let (a, b) = (r1 / distance, r2 / distance);
+    let s = 1.0 + (1.0 + b * b) / (a * a);
+    0.5 * (s - (s * s - 4.0 * (r2 / r1).powi(2)).sqrt())
+}
+
+#[test]
+fn form_factors_have_their_closed_forms() {
+    let white = |d: &mut SceneDesc| Some(diffuse(d, 0.5));
+    let two = |make: &dyn Fn(&mut SceneDesc)| {
+        let mut desc = scene();
+        make(&mut desc);
+        compiled(&mut desc)
+    };
+    let parallel_squares = |a: [f32; 2], distance: f32| {
+        two(&move |d| {
+            let m = white(d);
+            rectangle(d, Vec3::ZERO, a, false, m);
+            rectangle(d, Vec3::new(0.0, 0.0, distance), a, true, m);
+        })
+    };
+    let upright = |w: f32, h: f32| {
+        two(&move |d| {
+            let m = white(d);
+            // On the floor over x in [0, w], and standing at x = 0 facing +x; both over y in [−1, 1].
+            rectangle(d, Vec3::new(w / 2.0, 0.0, 0.0), [w / 2.0, 1.0], false, m);
+            let turn = Mat4::from_rotation_y(std::f32::consts::FRAC_PI_2);
+            let place = Mat4::from_translation(Vec3::new(0.0, 0.0, h / 2.0)) * turn * Mat4::from_scale(Vec3::new(h / 2.0, 1.0, 1.0));
+            shape(d, GeometryDesc::Rectangle, place, m);
+        })
+    };
+    let coaxial = |r1: f32, r2: f32, h: f32| {
+        two(&move |d| {
+            let m = white(d);
+            shape(d, GeometryDesc::Disk, facing(Vec3::ZERO, [r1; 2], false), m);
+            shape(d, GeometryDesc::Disk, facing(Vec3::new(0.0, 0.0, h), [r2; 2], true), m);
+        })
+    };
+    let disk_to_sphere = |r: f32, radius: f32, h: f32| {
+        two(&move |d| {
+            let m = white(d);
+            shape(d, GeometryDesc::Disk, facing(Vec3::ZERO, [r; 2], false), m);
+            sphere(d, Vec3::new(0.0, 0.0, h), radius, m);
+        })
+    };
+    let tilted_patch = two(&|d| {
+        let m = white(d);
+        let place = Mat4::from_rotation_x(0.6) * Mat4::from_scale(Vec3::splat(0.01));
+        shape(d, GeometryDesc::Rectangle, place, m);
+        sphere(d, Vec3::new(0.0, 0.0, 3.0), 1.0, m);
+    });
+    // A sphere sends 1/2 (1 − 1 / √(1 + (r/h)²)) of its light to a coaxial disk (Howell, C-136); reciprocity gives the reverse.
+    let to_disk = |r: f64, h: f64| 0.5 * (1.0 - 1.0 / (1.0 + (r / h).powi(2)).sqrt());
+    let cases: [(&str, Scene, f64); 9] = [
+        ("unit squares", parallel_squares([0.5; 2], 1.0), parallel(1.0, 1.0, 1.0)),
+        ("near rectangles", parallel_squares([1.0, 0.5], 0.5), parallel(2.0, 1.0, 0.5)),
+        ("far rectangles", parallel_squares([0.5, 1.0], 3.0), parallel(1.0, 2.0, 3.0)),
+        ("squares at a right angle", upright(2.0, 2.0), perpendicular(2.0, 2.0, 2.0)),
+        ("rectangles at a right angle", upright(1.0, 3.0), perpendicular(2.0, 1.0, 3.0)),
+        ("equal disks", coaxial(1.0, 1.0, 1.0), disks(1.0, 1.0, 1.0)),
+        ("disks", coaxial(1.0, 0.5, 0.8), disks(1.0, 0.5, 0.8)),
+        ("disk and sphere", disk_to_sphere(1.0, 0.5, 1.5), to_disk(1.0, 1.5) * 4.0 * PI * 0.25 / PI),
+        ("tilted patch and sphere", tilted_patch, 0.6f64.cos() / 9.0),
+    ];
+    assert!((cases[0].2 - 0.199_825).abs() < 1e-6 && (cases[3].2 - 0.200_044).abs() < 1e-6);
+    println!("| case | closed form | rays | error | hemicube | error |\n|---|---|---|---|---|---|");
+    let mut wrong = Vec::new();
+    for (name, scene, known) in &cases {
+        let rays = factor(scene, FormFactors::Rays, 512);
+        let cube = factor(scene, FormFactors::Hemicube, 256);
+        let (e_rays, e_cube) = (rays / known - 1.0, cube / known - 1.0);
+        println!("| {name} | {known:.5} | {rays:.5} | {:+.2} % | {cube:.5} | {:+.2} % |", 100.0 * e_rays, 100.0 * e_cube);
+        if e_rays.abs() > 5e-3 || e_cube.abs() > 2e-2 {
+            wrong.push(*name);
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+#[test]
+fn a_screen_takes_its_share_of_a_form_factor() {
+    // Half of the way between two squares, a screen that hides all but what passes beside it: by hemicube and by rays the same.
+    let mut desc = scene();
+    let m = Some(diffuse(&mut desc, 0.5));
+    rectangle(&mut desc, Vec3::ZERO, [1.0; 2], false, m);
+    rectangle(&mut desc, Vec3::new(0.0, 0.0, 1.0), [1.0; 2], true, m);
+    let free = factor(&compiled(&mut desc), FormFactors::Rays, 400);
+    rectangle(&mut desc, Vec3::new(0.6, 0.0, 0.5), [0.5, 2.0], true, m);
+    let s = compiled(&mut desc);
+    let (rays, cube) = (factor(&s, FormFactors::Rays, 800), factor(&s, FormFactors::Hemicube, 800));
+    assert!(rays < 0.8 * free && rays > 0.2 * free, "{rays} of {free}");
+    assert!((cube / rays - 1.0).abs() < 0.02, "{cube} and {rays}");
+}
+
+/// The inside of a shape that emits 1 W·m⁻²·sr⁻¹ and reflects half.
+fn furnace(geometry: GeometryDesc) -> Scene {
+    let mut desc = scene();
+    let m = diffuse(&mut desc, 0.5);
+    let s = shape(&mut desc, geometry, Mat4::IDENTITY, Some(m));
+    desc.shapes[s.0 as usize].value.flip_normals = true;
+    emit(&mut desc, s, Color::gray(1.0));
+    compiled(&mut desc)
+}
+
+#[test]
+fn furnaces_are_evenly_bright() {
+    for geometry in [GeometryDesc::Cube, GeometryDesc::Sphere { center: Vec3::ZERO, radius: 1.0 }] {
+        let scene = furnace(geometry.clone());
+        let hemicube = Settings { form_factors: FormFactors::Hemicube, ..with(Method::Matrix, 300) };
+        let cases = [
+            ("hierarchical", with(Method::Hierarchical, 50_000)),
+            ("progressive", with(Method::Progressive, 300)),
+            ("matrix", with(Method::Matrix, 300)),
+            ("hemicube", hemicube),
+        ];
+        for (name, s) in cases {
+            let solution = solved(&scene, &s);
+            // E + ρ H with H = B everywhere: B = π / (1 − 1/2).
+            let mut sum = 0.0;
+            for k in 0..400u32 {
+                let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
+                let d = etendue_render::math::warp::uniform_sphere(u);
+                let h = irradiance(&scene, &solution, Vec3::new(0.1, -0.2, 0.05), d)[0] / (2.0 * PI);
+                assert!((h - 1.0).abs() < 0.02, "{name} in {geometry:?}: {h} along {d}");
+                sum += h / 400.0;
+            }
+            println!("furnace {geometry:?} {name}: {sum:.5}");
+            assert!((sum - 1.0).abs() < 5e-3, "{name} in {geometry:?}: {sum}");
+        }
+    }
+}
+
+#[test]
+fn an_integrating_sphere_is_evenly_lit_by_a_small_light() {
+    // A sphere of reflectance ρ with a small light in it of flux Φ: the wall's indirect irradiance is Φ / A · ρ / (1 − ρ).
+    let mut desc = scene();
+    let wall = diffuse(&mut desc, 0.8);
+    let s = sphere(&mut desc, Vec3::ZERO, 2.0, Some(wall));
+    desc.shapes[s.0 as usize].value.flip_normals = true;
+    add(&mut desc, LightDesc::Point { position: Vec3::ZERO, intensity: [1.0; 3] });
+    let scene = compiled(&mut desc);
+    let known = 4.0 * PI / (4.0 * PI * 4.0) / (1.0 - 0.8);
+    for s in [with(Method::Hierarchical, 50_000), with(Method::Progressive, 300), with(Method::Matrix, 300)] {
+        let solution = solved(&scene, &s);
+        let mut sum = 0.0;
+        for k in 0..200u32 {
+            let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
+            sum += irradiance(&scene, &solution, Vec3::ZERO, etendue_render::math::warp::uniform_sphere(u))[1] / 200.0;
+        }
+        println!("integrating sphere, {:?}: {:.5} of the known value", s.method, sum / known);
+        // The triangles hang a little inside of the sphere; half a percent is what is asked for.
+        assert!((sum / known - 1.0).abs() < 5e-3, "{:?}: {sum} instead of {known}", s.method);
+    }
+}
+
+/// A closed room of unlike walls with a light under the ceiling and a block on the floor; two-sided materials.
+fn room() -> SceneDesc {
+    let mut desc = scene();
+    let wall = |desc: &mut SceneDesc, m: Mat4, rgb: [f32; 3]| {
+        let front = add(desc, BsdfDesc::Diffuse { reflectance: Color::Constant(rgb), alpha: None });
+        let both = add(desc, BsdfDesc::TwoSided { front, back: front });
+        shape(desc, GeometryDesc::Rectangle, m, Some(both));
+    };
+    let quarter = std::f32::consts::FRAC_PI_2;
+    let at = |x: f32, y: f32, z: f32| Mat4::from_translation(Vec3::new(x, y, z));
+    wall(&mut desc, at(0.0, 0.0, -1.0), [0.7; 3]);
+    wall(&mut desc, at(0.0, 0.0, 1.0) * Mat4::from_rotation_x(2.0 * quarter), [0.8; 3]);
+    wall(&mut desc, at(-1.0, 0.0, 0.0) * Mat4::from_rotation_y(quarter), [0.6, 0.2, 0.1]);
+    wall(&mut desc, at(1.0, 0.0, 0.0) * Mat4::from_rotation_y(-quarter), [0.2, 0.5, 0.2]);
+    wall(&mut desc, at(0.0, -1.0, 0.0) * Mat4::from_rotation_x(-quarter), [0.7; 3]);
+    wall(&mut desc, at(0.0, 1.0, 0.0) * Mat4::from_rotation_x(quarter), [0.5; 3]);
+    let gray = diffuse(&mut desc, 0.5);
+    shape(
+        &mut desc,
+        GeometryDesc::Cube,
+        at(0.3, 0.2, -0.75) * Mat4::from_rotation_z(0.5) * Mat4::from_scale(Vec3::splat(0.25)),
+        Some(gray),
+    );
+    let black = diffuse(&mut desc, 0.0);
+    let light = rectangle(&mut desc, Vec3::new(-0.2, 0.0, 0.9), [0.4, 0.3], true, Some(black));
+    emit(&mut desc, light, Color::Constant([4.0, 3.0, 2.0]));
+    desc
+}
+
+/// Means of irradiance over squares of a room's walls: center of the wall, two half axes.
+const REGIONS: [(Vec3, Vec3, Vec3); 6] = [
+    (Vec3::new(-0.4, -0.4, -1.0), Vec3::new(0.3, 0.0, 0.0), Vec3::new(0.0, 0.3, 0.0)),
+    (Vec3::new(0.6, 0.6, 1.0), Vec3::new(0.25, 0.0, 0.0), Vec3::new(0.0, 0.25, 0.0)),
+    (Vec3::new(-1.0, 0.0, 0.0), Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.0, 0.4)),
+    (Vec3::new(1.0, 0.2, 0.1), Vec3::new(0.0, 0.5, 0.0), Vec3::new(0.0, 0.0, 0.4)),
+    (Vec3::new(0.1, 1.0, 0.0), Vec3::new(0.5, 0.0, 0.0), Vec3::new(0.0, 0.0, 0.5)),
+    (Vec3::new(0.3, 0.2, -0.5), Vec3::new(0.12, 0.0, 0.0), Vec3::new(0.0, 0.12, 0.0)),
+];
+
+/// Mean over a region of something along rays that end there at a right angle.
+fn over_region(region: usize, n: u32, mut f: impl FnMut(Ray, u32) -> [f64; 3]) -> [f64; 3] {
+    let (center, a, b) = REGIONS[region];
+    let normal = if region == 5 { Vec3::Z } else { -center * center.abs().cmpge(Vec3::splat(0.99)).select_one() };
+    let mut sum = [0.0; 3];
+    for k in 0..n {
+        let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract()) * 2.0 - 1.0;
+        let p = center + a * u.x + b * u.y;
+        let v = f(Ray::new(p + normal.normalize() * 0.01, -normal.normalize()), k);
+        (0..3).for_each(|c| sum[c] += v[c] / f64::from(n));
+    }
+    sum
+}
+
+/// 1 where a mask is set.
+trait SelectOne {
+    fn select_one(self) -> Vec3;
+}
+
+impl SelectOne for glam::BVec3 {
+    fn select_one(self) -> Vec3 {
+        Vec3::select(self, Vec3::ONE, Vec3::ZERO)
+    }
+}
+
+#[test]
+fn all_methods_agree_with_path_tracing_in_a_room() {
+    let mut desc = room();
+    let scene = compiled(&mut desc);
+    let path = Path { max_depth: u32::MAX, rr_depth: 4, equiangular: true };
+    let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 1 };
+    let mut out = Estimate::default();
+    // Reflected radiance over reflectance, times π, is irradiance; none of the regions emits.
+    let reference: Vec<[f64; 3]> = (0..REGIONS.len())
+        .map(|r| {
+            over_region(r, 12_000, |ray, k| {
+                let mut stream = sampler.stream(r as u32, 0, k);
+                out.reset(1);
+                let camera_ray = CameraRay { ray, weight: 1.0, picture: Vec2::ZERO, u_lens: Vec2::ZERO, spread_rad: 0.0 };
+                path.estimate(&scene, &camera_ray, &mut stream, &mut out);
+                let albedo = out.first.unwrap().albedo.rgb();
+                std::array::from_fn(|c| f64::from(out.radiance.rgb()[c]) / f64::from(albedo[c]) * PI)
+            })
+        })
+        .collect();
+    let mean = |v: &[[f64; 3]]| v.iter().flatten().sum::<f64>() / (3 * v.len()) as f64;
+    for s in [with(Method::Hierarchical, 100_000), with(Method::Progressive, 1500), with(Method::Matrix, 1500)] {
+        let solution = solved(&scene, &s);
+        let found: Vec<[f64; 3]> =
+            (0..REGIONS.len()).map(|r| over_region(r, 500, |ray, _| irradiance(&scene, &solution, ray.o, ray.d))).collect();
+        let worst = found.iter().zip(&reference).flat_map(|(f, r)| (0..3).map(move |c| (f[c] / r[c] - 1.0).abs())).fold(0.0, f64::max);
+        let whole = mean(&found) / mean(&reference) - 1.0;
+        println!("{:?}: mean {:+.2} %, worst region {:.2} %\n  {}", s.method, 100.0 * whole, 100.0 * worst, solution.notes.join("\n  "));
+        assert!(whole.abs() < 0.01 && worst < 0.03, "{:?}: {whole} {worst}", s.method);
+    }
+}
+
+#[test]
+fn solvers_of_the_system_agree() {
+    let mut desc = room();
+    let scene = compiled(&mut desc);
+    let of = |solver| {
+        let s = Settings { solver, ..with(Method::Matrix, 200) };
+        let solution = solved(&scene, &s);
+        over_region(0, 100, |ray, _| irradiance(&scene, &solution, ray.o, ray.d))
+    };
+    let direct = of(Solver::Direct);
+    for solver in [Solver::GaussSeidel, Solver::Jacobi] {
+        let found = of(solver);
+        for c in 0..3 {
+            assert!((found[c] / direct[c] - 1.0).abs() < 1e-5, "{solver:?}: {found:?} and {direct:?}");
+        }
+    }
+}
+
+#[test]
+fn solutions_do_not_depend_on_threads() {
+    let mut desc = room();
+    add(&mut desc, LightDesc::Point { position: Vec3::new(0.0, -0.5, 0.2), intensity: [0.5; 3] });
+    let scene = compiled(&mut desc);
+    for method in [Method::Hierarchical, Method::Progressive, Method::Matrix] {
+        let bits = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let s = Settings { error: 8e-3, ..with(method, 200) };
+            let solution = pool.install(|| solved(&scene, &s));
+            let light: Vec<[u32; 4]> = solution.solved.irradiance.iter().map(|s| s.0.map(f32::to_bits)).collect();
+            (light, solution.notes)
+        };
+        assert!(bits(1) == bits(5), "{method:?}");
+    }
+}
+
+#[test]
+fn lights_that_are_no_surfaces_arrive() {
+    let floor = |add_light: &dyn Fn(&mut SceneDesc)| {
+        let mut desc = scene();
+        let m = diffuse(&mut desc, 0.5);
+        rectangle(&mut desc, Vec3::ZERO, [4.0; 2], false, Some(m));
+        add_light(&mut desc);
+        compiled(&mut desc)
+    };
+    let cases: [(&str, Scene, f64); 3] = [
+        (
+            "point",
+            floor(&|d| {
+                add(d, LightDesc::Point { position: Vec3::new(0.0, 0.0, 2.0), intensity: [8.0; 3] });
+            }),
+            2.0,
+        ),
+        ("sky", floor(&|d| constant_sky(d, 1.0)), PI),
+        (
+            "directional",
+            floor(&|d| {
+                add(d, LightDesc::Directional { direction: Vec3::new(0.0, 1.0, -1.0), irradiance: [2.0; 3] });
+            }),
+            2.0f64.sqrt(),
+        ),
+    ];
+    for (name, scene, known) in &cases {
+        for method in [Method::Hierarchical, Method::Progressive, Method::Matrix] {
+            let solution = solved(scene, &with(method, 3000));
+            let h = irradiance(scene, &solution, Vec3::new(0.01, 0.02, 1.0), -Vec3::Z)[0];
+            assert!((h / known - 1.0).abs() < 0.02, "{name} {method:?}: {h} instead of {known}");
+        }
+    }
+}
+
+#[test]
+fn both_sides_and_instances_have_their_own_light() {
+    let mut desc = scene();
+    let m = diffuse(&mut desc, 0.5);
+    let both = add(&mut desc, BsdfDesc::TwoSided { front: m, back: m });
+    let positions = vec![Vec3::new(-1.0, -1.0, 0.0), Vec3::new(1.0, -1.0, 0.0), Vec3::new(1.0, 1.0, 0.0), Vec3::new(-1.0, 1.0, 0.0)];
+    let data = MeshData { positions, triangles: vec![[0, 1, 2], [0, 2, 3]], ..MeshData::default() };
+    let mesh = add(&mut desc, MeshDesc { file: None, flip_v: false, data: Some(data) });
+    let sheet = shape(&mut desc, GeometryDesc::Mesh { mesh, face_normals: true, smooth: false }, Mat4::IDENTITY, Some(both));
+    let group = add(&mut desc, GroupDesc { shapes: vec![sheet] });
+    for (x, mirror) in [(0.0, 1.0), (10.0, -1.0)] {
+        let place = Mat4::from_translation(Vec3::new(x, 0.0, 0.0)) * Mat4::from_scale(Vec3::new(mirror, 1.0, 1.0));
+        add(&mut desc, InstanceDesc { group, world_from_object: place });
+    }
+    add(&mut desc, LightDesc::Directional { direction: -Vec3::Z, irradiance: [2.0; 3] });
+    add(&mut desc, LightDesc::Directional { direction: Vec3::Z, irradiance: [1.0; 3] });
+    let scene = compiled(&mut desc);
+    let solution = solved(&scene, &with(Method::Hierarchical, 1000));
+    for x in [0.3, 10.3] {
+        for (z, known) in [(1.0, 2.0), (-1.0, 1.0)] {
+            let mut s = scene.intersect(&Ray::new(Vec3::new(x, 0.2, z), Vec3::new(0.0, 0.0, -z))).unwrap();
+            if s.frame.n.z * z < 0.0 {
+                s.frame.n = -s.frame.n;
+            }
+            let h = solution.irradiance(&scene, &s).rgb()[1];
+            assert!((h - known).abs() < 1e-3, "x {x} z {z}: {h}");
+        }
+    }
+}
+
+#[test]
+fn hostile_meshes_are_left_out_with_a_count() {
+    let mut desc = room();
+    let huge = 1e30;
+    let positions = vec![
+        Vec3::ZERO,
+        Vec3::ZERO,
+        Vec3::X,
+        Vec3::splat(f32::NAN),
+        Vec3::Y,
+        Vec3::new(huge, 0.0, 0.0),
+        Vec3::new(0.0, huge, 0.0),
+        Vec3::new(f32::INFINITY, 0.0, 0.0),
+        Vec3::X * 1e-30,
+        Vec3::Y * 1e-30,
+    ];
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [2, 4, 5], [0, 5, 6], [0, 4, 7], [0, 8, 9], [0, 0, 0], [0, 2, 4], [0, 2, 4], [4, 2, 0]];
+    let data = MeshData { positions, triangles, ..MeshData::default() };
+    let mesh = add(&mut desc, MeshDesc { file: None, flip_v: false, data: Some(data) });
+    let m = diffuse(&mut desc, 1.0);
+    shape(&mut desc, GeometryDesc::Mesh { mesh, face_normals: true, smooth: false }, Mat4::IDENTITY, Some(m));
+    shape(&mut desc, GeometryDesc::Mesh { mesh, face_normals: true, smooth: false }, Mat4::from_scale(Vec3::ZERO), Some(m));
+    shape(&mut desc, GeometryDesc::Plane, Mat4::from_translation(Vec3::new(0.0, 0.0, -5.0)), Some(m));
+    add(&mut desc, LightDesc::Point { position: Vec3::splat(f32::NAN), intensity: [f32::INFINITY, 1.0, 1.0] });
+    add(&mut desc, LightDesc::Point { position: Vec3::splat(0.1), intensity: [1e38; 3] });
+    let scene = compiled(&mut desc);
+    for method in [Method::Hierarchical, Method::Progressive, Method::Matrix] {
+        let s = Settings { error: 1e-2, ..with(method, 500) };
+        let solution = solved(&scene, &s);
+        assert!(solution.notes.iter().any(|n| n.starts_with("triangles left out:") && n.contains("no numbers")), "{:?}", solution.notes);
+        let h = irradiance(&scene, &solution, Vec3::new(-0.5, -0.5, 0.0), -Vec3::Z);
+        assert!(h.iter().all(|v| v.is_finite()), "{method:?}: {h:?}");
+    }
+    // Nothing at all, and too much.
+    let mut desc = support::scene();
+    let nothing = compiled(&mut desc);
+    assert!(solved(&nothing, &Settings::default()).notes.iter().any(|n| n.contains("no surfaces")));
+    let error = solve(&scene, &with(Method::Matrix, 3), Display::Smooth, &Progress::silent()).err().unwrap();
+    assert!(error.contains("--radiosity-elements"), "{error}");
+}
+
+#[test]
+fn limits_are_kept_and_told() {
+    let mut desc = room();
+    let scene = compiled(&mut desc);
+    let s = Settings { error: 1e-5, limits: Limits { elements: 3000, links: 20_000 }, ..Settings::default() };
+    let solution = solved(&scene, &s);
+    assert!(solution.notes.iter().any(|n| n.contains("limits of 3000 elements and 20000 links were met")), "{:?}", solution.notes);
+}
