@@ -97,10 +97,12 @@ def chart(points: dict[str, list[tuple[float, float]]]) -> str:
     ]
     for k in range(low[0], high[0] + 1):
         x, y = at((10.0**k, 10.0 ** low[1]))
-        out.append(f'<path d="M{x:.1f} {margin}V{y:.1f}" stroke="#ddd"/><text x="{x:.1f}" y="{y + 16:.1f}" text-anchor="middle">{10.0**k:g} s</text>')
+        out.append(f'<path d="M{x:.1f} {margin}V{y:.1f}" stroke="#ddd"/>')
+        out.append(f'<text x="{x:.1f}" y="{y + 16:.1f}" text-anchor="middle">{10.0**k:g} s</text>')
     for k in range(low[1], high[1] + 1):
         x, y = at((10.0 ** low[0], 10.0**k))
-        out.append(f'<path d="M{x:.1f} {y:.1f}H{width - margin}" stroke="#ddd"/><text x="{x - 6:.1f}" y="{y + 4:.1f}" text-anchor="end">{100 * 10.0**k:g} %</text>')
+        out.append(f'<path d="M{x:.1f} {y:.1f}H{width - margin}" stroke="#ddd"/>')
+        out.append(f'<text x="{x - 6:.1f}" y="{y + 4:.1f}" text-anchor="end">{100 * 10.0**k:g} %</text>')
     for i, (method, line) in enumerate(points.items()):
         color = COLORS[method]
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in map(at, line))
@@ -112,7 +114,7 @@ def chart(points: dict[str, list[tuple[float, float]]]) -> str:
 
 
 def room(cells: int) -> str:
-    """Return an OBJ file: a floor of `cells`² pairs of triangles in slight relief.
+    """Return an OBJ file: a floor of `cells`² pairs of triangles in slight relief."""
     rng = np.random.default_rng(1)
     n = cells
     x, y = np.meshgrid(np.linspace(-1, 1, n + 1), np.linspace(-1, 1, n + 1))
@@ -125,7 +127,8 @@ def room(cells: int) -> str:
 
 
 GROW_SCENE = """<scene version="3.0.0"><integrator type="path"/>
-<sensor type="perspective"><float name="fov" value="60"/><transform name="to_world"><lookat origin="0,0,0.9" target="0,-0.3,-1" up="0,1,0"/></transform>
+<sensor type="perspective"><float name="fov" value="60"/>
+<transform name="to_world"><lookat origin="0,0,0.9" target="0,-0.3,-1" up="0,1,0"/></transform>
 <film type="hdrfilm"><integer name="width" value="64"/><integer name="height" value="64"/></film></sensor>
 <shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></shape>
 <shape type="obj"><string name="filename" value="floor.obj"/><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
