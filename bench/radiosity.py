@@ -133,7 +133,8 @@ GROW_SCENE = """<scene version="3.0.0"><integrator type="path"/>
 <shape type="cube"><boolean name="flip_normals" value="true"/><bsdf type="diffuse"><rgb name="reflectance" value="0.6"/></bsdf></shape>
 <shape type="obj"><string name="filename" value="floor.obj"/><bsdf type="diffuse"><rgb name="reflectance" value="0.5"/></bsdf></shape>
 <shape type="rectangle"><transform name="to_world"><scale value="0.3"/><rotate x="1" angle="90"/><translate y="0.95"/></transform>
-<bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf><emitter type="area"><rgb name="radiance" value="10"/></emitter></shape></scene>
+<bsdf type="diffuse"><rgb name="reflectance" value="0"/></bsdf>
+<emitter type="area"><rgb name="radiance" value="10"/></emitter></shape></scene>
 """
 
 
