@@ -72,8 +72,8 @@ fn round_up(v: f64) -> f64 {
 /// A number in few characters.
 fn label(v: f64) -> String {
     let text = match v {
-        v if v == 0.0 => "0".to_owned(),
-        v if v >= 1e5 || v < 1e-3 => {
+        0.0 => "0".to_owned(),
+        v if !(1e-3..1e5).contains(&v) => {
             let t = format!("{v:.1e}");
             t.replace(".0e", "e")
         }
@@ -190,7 +190,7 @@ mod tests {
                 0.2126 * r + 0.7152 * g + 0.0722 * b
             };
             assert!((1..9).all(|x| y(x + 1) >= y(x)) && image.width > 10);
-            assert!(rgb.iter().any(|p| *p == [1.0; 3]), "there are numbers");
+            assert!(rgb.contains(&[1.0; 3]), "there are numbers");
         }
         let hostile = [f64::NAN, f64::INFINITY, -1.0, 1e300];
         assert_eq!(

@@ -313,7 +313,7 @@ mod tests {
         // Two turns, gently rising: all normals are nearly +z.
         let mut mesh = MeshData::default();
         for i in 0..=64 {
-            let (sin, cos) = (i as f32 * std::f32::consts::TAU / 32.0).sin_cos();
+            let (sin, cos) = crate::math::fns::sin_cos(i as f32 * std::f32::consts::TAU / 32.0);
             let z = i as f32 * 0.01;
             mesh.positions.extend([Vec3::new(cos, sin, z), Vec3::new(2.0 * cos, 2.0 * sin, z)]);
         }
@@ -333,6 +333,6 @@ mod tests {
         assert!(existing(&mesh, &beyond).is_none());
         let cube = tessellate(&GeometryDesc::Cube).unwrap();
         assert!(existing(&cube, &cube.uvs).is_none(), "all six sides lie over each other");
-        assert!(existing(&mesh, &vec![Vec2::ZERO; 4]).is_none());
+        assert!(existing(&mesh, &[Vec2::ZERO; 4]).is_none());
     }
 }

@@ -57,6 +57,7 @@ impl Sums {
 }
 
 /// Points that get light.
+#[expect(clippy::len_without_is_empty, reason = "nothing without points is solved")]
 pub trait Points: Sync {
     /// How many there are.
     fn len(&self) -> usize;

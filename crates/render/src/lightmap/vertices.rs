@@ -89,11 +89,11 @@ fn join(flat: &Flat, shape: usize) -> Vec<u32> {
         i
     }
     for (t, neighbors) in topology.neighbors.iter().enumerate() {
-        for k in 0..3 {
-            if neighbors[k] == NONE || !topology.smooth[t][k] {
+        for (k, &neighbor) in neighbors.iter().enumerate() {
+            if neighbor == NONE || !topology.smooth[t][k] {
                 continue;
             }
-            let (other, edge) = (neighbors[k] / 3, neighbors[k] % 3);
+            let (other, edge) = (neighbor / 3, neighbor % 3);
             // The edge runs the other way in the neighbor.
             for (mine, its) in [(k as u32, (edge + 1) % 3), ((k as u32 + 1) % 3, edge)] {
                 let (a, b) = (root(&mut parent, 3 * t as u32 + mine), root(&mut parent, 3 * other + its));

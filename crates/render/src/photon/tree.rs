@@ -268,7 +268,7 @@ mod tests {
                         assert_eq!(sum, expected.iter().map(|x| f64::from(x.power[0])).sum::<f64>());
                         for count in [1, 2, 10, 50] {
                             let mut neighbors = Neighbors::new();
-                            let even = |x: &Photon| x.power[0] as u32 % 2 == 0;
+                            let even = |x: &Photon| (x.power[0] as u32).is_multiple_of(2);
                             let limit = tree.nearest(p, count, radius, even, &mut neighbors);
                             let mut expected: Vec<f32> = all.iter().filter(|x| even(x)).map(d2).filter(|d| *d < radius * radius).collect();
                             expected.sort_by(f32::total_cmp);

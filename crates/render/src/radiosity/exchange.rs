@@ -41,8 +41,8 @@ impl Solved {
             }
             let absorbed = (Spectrum::ONE - n.reflectance) * self.irradiance[i];
             for (sum, v) in sums.iter_mut().zip([n.emission, self.direct[i], absorbed]) {
-                for c in 0..4 {
-                    sum[c] += f64::from(v.0[c]) * f64::from(n.area);
+                for (s, lane) in sum.iter_mut().zip(v.0) {
+                    *s += f64::from(lane) * f64::from(n.area);
                 }
             }
         }

@@ -200,6 +200,7 @@ pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: Pair
     let mut traced = 0u32;
     let mut trace = |passed: &mut [f32; 4], n: u32| {
         for k in traced..traced + n {
+            #[expect(clippy::needless_range_loop, reason = "four quarters, of which `passed` is one list")]
             for i in 0..4 {
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));

@@ -54,7 +54,7 @@ impl FactorMatrix {
         let done = std::sync::atomic::AtomicUsize::new(0);
         let step = || {
             let k = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
-            if k % 64 == 0 {
+            if k.is_multiple_of(64) {
                 progress.tell("form factors", k as f64 / n as f64);
             }
         };

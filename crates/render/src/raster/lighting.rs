@@ -418,7 +418,7 @@ impl Lighting {
             out.add(diffuse * (INV_PI * weight), 0);
         }
         // In `sampled` mode the sky is a light like others, and captured maps hold only what it lights.
-        if !a.specular.is_black() && !(environment.is_sky() && self.options.sampled) {
+        if !(a.specular.is_black() || environment.is_sky() && self.options.sampled) {
             let r = 2.0 * wo.dot(side) * side - wo;
             out.add(a.specular * environment.blurred(s.p, r, a.alpha, correction) * weight, 0);
         }

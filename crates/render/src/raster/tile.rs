@@ -83,7 +83,6 @@ pub(super) fn fill(tile: &mut Tile, origin: [u32; 2], s: &Setup, options: &DrawO
             for l in 0..LANES {
                 let x = (first + l) as f32;
                 // Not `clamp`, which checks its bounds.
-                #[expect(clippy::manual_clamp, reason = "two instructions, and no check of the bounds")]
                 let d = (depth_row + depth.dx * x).max(s.range[0]).min(s.range[1]);
                 let inside = (rows[0] + edges[0].dx * x >= least[0])
                     & (rows[1] + edges[1].dx * x >= least[1])
@@ -92,9 +91,9 @@ pub(super) fn fill(tile: &mut Tile, origin: [u32; 2], s: &Setup, options: &DrawO
                 wins[l] = inside & (d > depths[l]) & (d >= s.limits[0]) & (d <= s.limits[1]);
             }
             if s.masked {
-                for l in 0..LANES {
+                for (l, wins) in wins.iter_mut().enumerate() {
                     let [x, y] = [origin[0] + (first + l) as u32, origin[1] + y as u32];
-                    wins[l] = wins[l] && options.keeps.is_none_or(|keeps| keeps(s.id, x, y));
+                    *wins = *wins && options.keeps.is_none_or(|keeps| keeps(s.id, x, y));
                 }
             }
             for l in 0..LANES {

@@ -30,7 +30,7 @@ impl Pose {
     pub fn cube_face(eye: Vec3, face: usize) -> Self {
         let axis = |i: usize| DVec3::from_array(std::array::from_fn(|k| if k == i % 3 { 1.0 } else { 0.0 }));
         let i = face / 2;
-        let forward = if face % 2 == 0 { axis(i) } else { -axis(i) };
+        let forward = if face.is_multiple_of(2) { axis(i) } else { -axis(i) };
         let up = axis(i + 1);
         Self { eye: eye.as_dvec3(), right: forward.cross(up), up, forward }
     }

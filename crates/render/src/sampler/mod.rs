@@ -75,6 +75,7 @@ pub struct SampleStream {
 impl SampleStream {
     /// Column and row of the pixel.
     #[inline]
+    #[expect(clippy::misnamed_getters, reason = "the field `pixel` is what the pixel is scrambled by")]
     pub fn pixel(&self) -> [u32; 2] {
         self.at
     }

@@ -52,6 +52,7 @@ pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart
 impl Bidirectional {
     /// The light's densities for a path that ends on it: of joint 0 by emission, and of joint 1 with cosine `cos` to the light's ray.
     /// `d` is the direction in which the light leaves.
+    #[expect(clippy::too_many_arguments, reason = "private; the numbers of one end of a path")]
     fn emission_densities(&self, scene: &Scene, light: u32, p: Vec3, n: Vec3, d: Vec3, cos: f32, distance_2: f32) -> (f32, f32) {
         let Some(emission) = &self.emission else { return (0.0, 0.0) };
         let pmf = emission.pmf(light);

@@ -116,8 +116,8 @@ impl Techniques {
         }
         // Towards the camera.
         let mut p = from_light;
-        for s in anchor.max(1)..n - 1 {
-            p *= density(joints[s].light) / density(joints[s].camera);
+        for (s, joint) in joints.iter().enumerate().take(n - 1).skip(anchor.max(1)) {
+            p *= density(joint.light) / density(joint.camera);
             add(s + 1, p);
         }
         for (s, own_density) in [(0, joints[0].camera), (1, origin.nee)] {
@@ -144,7 +144,7 @@ mod tests {
         for case in 0..4000u64 {
             let rnd = |i: u64| unit_float(hash_words([case, i]) as u32);
             let n = 3 + (rnd(0) * 7.0) as usize;
-            let density = |i: u64| 10.0f32.powf(6.0 * rnd(i) - 3.0);
+            let density = |i: u64| crate::math::fns::pow(10.0, 6.0 * rnd(i) - 3.0);
             let mut joints: Vec<Joint> = (0..n as u64)
                 .map(|i| Joint { light: density(3 * i + 10), camera: density(3 * i + 11), connectible: rnd(3 * i + 12) < 0.7 })
                 .collect();

@@ -390,7 +390,7 @@ impl Bidirectional {
                     if is_last {
                         return None;
                     }
-                    let Some((_, medium)) = scattered else { return None };
+                    let (_, medium) = scattered?;
                     let sample = medium.phase().sample(wo, u);
                     let value = Spectrum::splat(sample.weight * sample.pdf);
                     (value, sample.wi, sample.pdf, Lobe::DIFFUSE.union(Lobe::REFLECTION), 1.0)
