@@ -1,5 +1,7 @@
 //! Participating media against closed forms, quadrature and each other.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use std::f64::consts::PI;

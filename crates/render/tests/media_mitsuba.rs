@@ -6,6 +6,8 @@
 //! The volume of the smoke is turned by a right angle: turned by any other, it ends in Mitsuba at the axis-parallel box around it, with its
 //! outermost values repeated up to there, and here at its own box.
 
+#![allow(clippy::unwrap_used, clippy::panic, clippy::print_stdout, reason = "helpers of tests")]
+
 mod support;
 
 use std::path::Path;
