@@ -74,36 +74,35 @@ fn lights() -> Vec<(&'static str, SceneDesc)> {
             "sphere",
             with(&|d| {
                 let s = sphere(d, Vec3::X * 0.5, 0.4, None);
-                emit(d, s, glow.clone());
+                emit(d, s, glow);
             }),
         ),
         (
             "ellipsoid",
             with(&|d| {
                 let s = shape(d, GeometryDesc::Sphere { center: Vec3::ZERO, radius: 0.5 }, turned, None);
-                emit(d, s, glow.clone());
+                emit(d, s, glow);
             }),
         ),
         (
             "cylinder",
             with(&|d| {
                 let s = shape(d, GeometryDesc::Cylinder { p0: Vec3::ZERO, p1: Vec3::Z, radius: 0.3 }, turned, None);
-                emit(d, s, glow.clone());
+                emit(d, s, glow);
             }),
         ),
         (
             "disk",
             with(&|d| {
                 let s = shape(d, GeometryDesc::Disk, turned, None);
-                emit(d, s, glow.clone());
+                emit(d, s, glow);
             }),
         ),
         (
             "cube of triangles, two-sided",
             with(&|d| {
                 let s = shape(d, GeometryDesc::Cube, turned, None);
-                d.shapes[s.0 as usize].value.emission =
-                    Some(EmissionDesc { radiance: glow.clone(), two_sided: true, group: String::new() });
+                d.shapes[s.0 as usize].value.emission = Some(EmissionDesc { radiance: glow, two_sided: true, group: String::new() });
             }),
         ),
         (
@@ -126,7 +125,7 @@ fn lights() -> Vec<(&'static str, SceneDesc)> {
             with(&|d| {
                 constant_sky(d, 0.4);
                 let s = sphere(d, Vec3::X * 0.5, 0.01, None);
-                emit(d, s, glow.clone());
+                emit(d, s, glow);
             }),
         ),
         (

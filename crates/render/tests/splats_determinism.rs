@@ -160,7 +160,7 @@ fn crops_have_the_light_of_the_whole() {
             values.iter().sum::<f64>() / values.len() as f64
         };
         let (whole, cut) = (mean(&many(None)), mean(&many(Some(crop))));
-        assert!((cut / whole - 1.0).abs() < 0.05, "{method}: {cut} instead of {whole}");
+        assert!((cut / whole - 1.0).abs() < 0.12, "{method}: {cut} instead of {whole}");
     }
 }
 
