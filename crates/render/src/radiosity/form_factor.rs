@@ -22,8 +22,8 @@ const MAX_CROSSINGS: u32 = 64;
 /// A polygon that is so small against its distance counts as a point: the error is of the order of the square of this.
 const POINT_LIKE: f32 = 0.02;
 
-/// The cosine-weighted share of the hemisphere about the unit normal `n` at `p` that a triangle fills: Σ θᵢ n·Γᵢ / 2π over the edges
-/// of the part above the horizon, where θᵢ is the angle of an edge seen from `p` and Γᵢ the unit normal of the plane through it and
+/// The cosine-weighted share of the hemisphere about the unit normal `n` at `p` that a triangle fills: Σ θᵢ n·Γᵢ / 2π over the
+/// edges of the part above the horizon, where θᵢ is the angle of an edge seen from `p` and Γᵢ the unit normal of the plane through it and
 /// `p`. The triangle counts from the side from which its corners are counter-clockwise; zero from the other. In [0, 1].
 pub fn point_to_polygon(p: Vec3, n: Vec3, corners: &[Vec3; 3]) -> f32 {
     let (center, normal) = ((corners[0] + corners[1] + corners[2]) / 3.0, (corners[1] - corners[0]).cross(corners[2] - corners[0]));

@@ -48,6 +48,8 @@ pub struct Options {
 const ROUNDS: [f32; 5] = [8.0, 4.0, 2.0, 1.0, 1.0];
 /// From this round on the light of clusters' faces is known well enough: their factors stay.
 const CLUSTERS_KNOWN: usize = 4;
+/// How uncertain a factor is where the receiver is as large as its distance from the source.
+const NEAR_ERROR: f32 = 0.4;
 /// How uncertain a cluster's factor is: times its diameter over the distance.
 const CLUSTER_ERROR: f32 = 2.0;
 /// Bounces of a solution at most.
@@ -289,7 +291,8 @@ impl State<'_> {
         let of_receiver = match (r.is_cluster(), s.is_cluster()) {
             (true, _) => l.factor * CLUSTER_ERROR * 2.0 * r.radius / dist,
             (_, true) => l.factor * 2.0 * r.radius / dist,
-            _ => l.spread.max(l.factor * 0.02),
+            // A source near a receiver that is larger than their distance may fall between the points at which its factor was found.
+            _ => l.spread.max(l.factor * (NEAR_ERROR * (r.radius / dist.max(1e-30)).min(1.0).powi(2)).max(0.01)),
         };
         let of_source = if s.is_cluster() {
             l.factor * b * CLUSTER_ERROR * 2.0 * s.radius / dist
@@ -349,7 +352,8 @@ impl State<'_> {
         }
     }
 
-    /// Adds up what was gathered from the faces down to the leaves, and radiosity from there up. Returns the change of all light relative to it.
+    /// Adds up what was gathered from the faces down to the leaves, and radiosity from there up. Returns the change of all light, relative
+    /// to it.
     fn push_pull(&mut self, gathered: &[Spectrum]) -> f64 {
         let solved = &mut self.solved;
         let (mut change, mut total) = (0.0f64, 0.0f64);
@@ -404,7 +408,8 @@ impl State<'_> {
         ));
         if self.is_limited {
             self.solved.notes.push(format!(
-                "the limits of {} elements and {} links were met: the error per link is {:.2e} instead of {:.2e} (--radiosity-elements, --radiosity-links)",
+                "the limits of {} elements and {} links were met: the error per link is {:.2e} instead of {:.2e} \
+                 (--radiosity-elements, --radiosity-links)",
                 options.limits.elements, options.limits.links, self.error, options.error
             ));
         }
