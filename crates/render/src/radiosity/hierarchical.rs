@@ -46,8 +46,8 @@ pub struct Options {
 
 /// Rounds of refinement and solution.
 const ROUNDS: [f32; 5] = [8.0, 4.0, 2.0, 1.0, 1.0];
-/// From this round on the light of clusters' faces is known well enough: their factors stay.
-const CLUSTERS_KNOWN: usize = 4;
+/// From this round on it is known well enough how light is spread over sources: their factors stay.
+const LIGHT_KNOWN: usize = 4;
 /// How uncertain a factor is where the receiver is as large as its distance from the source.
 const NEAR_ERROR: f32 = 0.4;
 /// How uncertain a cluster's factor is: times its diameter over the distance.
@@ -122,8 +122,8 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         }
         progress.tell("radiosity", round as f64 / ROUNDS.len() as f64);
         state.measure();
-        if round < CLUSTERS_KNOWN {
-            state.forget_clusters();
+        if round < LIGHT_KNOWN {
+            state.forget_spread();
         }
         state.refine(*scale, &options.limits, progress);
         state.converge(progress);
@@ -163,10 +163,10 @@ impl State<'_> {
         }
     }
 
-    /// Lets factors of clusters be found anew: they depend on how the light is spread over their faces.
-    fn forget_clusters(&mut self) {
+    /// Lets factors be found anew that depend on how light is spread over their sources: those of clusters and of what has elements.
+    fn forget_spread(&mut self) {
         let nodes = &self.solved.mesh.nodes;
-        self.links.par_iter_mut().filter(|l| nodes[l.source as usize].is_cluster()).for_each(|l| l.factor = -1.0);
+        self.links.par_iter_mut().filter(|l| !nodes[l.source as usize].is_leaf()).for_each(|l| l.factor = -1.0);
     }
 
     /// Refines links until all are good enough for `scale` times the error.
@@ -284,7 +284,7 @@ impl State<'_> {
             let e = if has_cluster {
                 factors.clusters(l.receiver, l.source, importance, &self.solved.radiosity)
             } else {
-                factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4))
+                factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4), &self.solved.radiosity)
             };
             (l.factor, l.spread) = (e.factor, e.spread);
         }

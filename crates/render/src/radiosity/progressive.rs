@@ -74,11 +74,10 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
             progress.tell("radiosity", 1.0 - (left / first.max(1e-300)).min(1.0));
         }
         let source = patches.patches[p];
-        let sent = patches.take(&mesh, p, &mut unshot);
         let factors: Vec<f32> = match &hemicube {
             None => {
                 let f = Factors { scene, mesh: &mesh, seed: options.seed };
-                leaves.par_iter().map(|&r| f.elements(r, source, 1).factor).collect()
+                leaves.par_iter().map(|&r| f.elements(r, source, 1, &unshot).factor).collect()
             }
             Some(cube) => {
                 // The share of the source's view, turned round by Aᵢ Fᵢⱼ = Aⱼ Fⱼᵢ.
@@ -87,6 +86,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
                 of_source.iter().zip(&leaves).map(|(f, &r)| (f * node.area / mesh.nodes[r as usize].area).min(1.0)).collect()
             }
         };
+        let sent = patches.take(&mesh, p, &mut unshot);
         for (&r, f) in leaves.iter().zip(factors) {
             if f > 0.0 {
                 let i = r as usize;

@@ -22,8 +22,6 @@ use crate::spectrum::Spectrum;
 const SMOOTH: f32 = 0.94;
 /// More elements at one vertex than this are not compared with each other: hostile meshes have one vertex for everything.
 const MAX_AROUND: usize = 96;
-/// Averages at vertices flatten what is curved: so many times, what the means of elements lost by it is given back.
-const SHARPENINGS: u32 = 2;
 /// Rounds of subdivision for neighbors that differ by one level.
 const MAX_ROUNDS: usize = 16;
 
@@ -90,18 +88,39 @@ impl Smooth {
             })
             .collect();
         around.par_sort_unstable_by_key(|a| (a.key, a.leaf, a.slot));
-        let mut residual: Vec<Spectrum> = leaves.iter().map(|&i| solved.irradiance[i as usize]).collect();
-        let mut values = vec![[[0.0f32; 3]; 6]; leaves.len()];
-        for _ in 0..=SHARPENINGS {
-            let part = interpolate(&around, &residual);
-            values.par_iter_mut().zip(&part).for_each(|(sum, v)| {
-                for (sum, v) in sum.iter_mut().flatten().zip(v.iter().flatten()) {
-                    *sum += v;
+        let own = |a: &Around| solved.irradiance[leaves[a.leaf as usize] as usize];
+        let found: Vec<Spectrum> = around
+            .par_iter()
+            .enumerate()
+            .map(|(i, a)| {
+                let first = around.partition_point(|b| b.key < a.key);
+                let group = &around[first..];
+                let count = group.iter().take(MAX_AROUND + 1).take_while(|b| b.key == a.key).count();
+                if count > MAX_AROUND || i < first {
+                    return own(a);
                 }
-            });
-            // What the means of the interpolated light still lack.
-            residual = values.par_iter().zip(&leaves).map(|(v, &i)| solved.irradiance[i as usize] - mean(v)).collect();
+                let (mut sum, mut weight) = (Spectrum::ZERO, 0.0);
+                for b in &group[..count] {
+                    if a.normal.dot(b.normal) >= SMOOTH {
+                        sum += own(b) * b.weight;
+                        weight += b.weight;
+                    }
+                }
+                if weight > 0.0 { sum / weight } else { own(a) }
+            })
+            .collect();
+        let mut values = vec![[[f32::NAN; 3]; 6]; leaves.len()];
+        for (a, v) in around.iter().zip(&found) {
+            values[a.leaf as usize][a.slot as usize] = v.rgb();
         }
+        values.par_iter_mut().for_each(|v| {
+            for e in 0..3 {
+                if v[3 + e][0].is_nan() {
+                    let (a, b) = (v[e], v[(e + 1) % 3]);
+                    v[3 + e] = std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
+                }
+            }
+        });
         let mut of_node = vec![NONE; solved.mesh.nodes.len()];
         leaves.iter().enumerate().for_each(|(k, &i)| of_node[i as usize] = k as u32);
         Self { of_node, values }
@@ -117,48 +136,6 @@ impl Smooth {
         let [x, y, z] = SLOTS[i as usize].map(|s| v[s]);
         Spectrum::from_rgb(std::array::from_fn(|c| (w.x * x[c] + w.y * y[c] + w.z * z[c]).max(0.0)))
     }
-}
-
-/// The mean over an element of what [`Smooth::at`] draws.
-fn mean(v: &Values) -> Spectrum {
-    Spectrum::from_rgb(std::array::from_fn(|c| (v[0][c] + v[1][c] + v[2][c]) / 12.0 + 0.25 * (v[3][c] + v[4][c] + v[5][c])))
-}
-
-/// Values at vertices from one value of each leaf.
-fn interpolate(around: &[Around], of_leaf: &[Spectrum]) -> Vec<Values> {
-    let own = |a: &Around| of_leaf[a.leaf as usize];
-    let found: Vec<Spectrum> = around
-        .par_iter()
-        .map(|a| {
-            let first = around.partition_point(|b| b.key < a.key);
-            let group = &around[first..];
-            let count = group.iter().take(MAX_AROUND + 1).take_while(|b| b.key == a.key).count();
-            if count > MAX_AROUND {
-                return own(a);
-            }
-            let (mut sum, mut weight) = (Spectrum::ZERO, 0.0);
-            for b in &group[..count] {
-                if a.normal.dot(b.normal) >= SMOOTH {
-                    sum += own(b) * b.weight;
-                    weight += b.weight;
-                }
-            }
-            if weight > 0.0 { sum / weight } else { own(a) }
-        })
-        .collect();
-    let mut values = vec![[[f32::NAN; 3]; 6]; of_leaf.len()];
-    for (a, v) in around.iter().zip(&found) {
-        values[a.leaf as usize][a.slot as usize] = v.rgb();
-    }
-    values.par_iter_mut().for_each(|v| {
-        for e in 0..3 {
-            if v[3 + e][0].is_nan() {
-                let (a, b) = (v[e], v[(e + 1) % 3]);
-                v[3 + e] = std::array::from_fn(|c| 0.5 * (a[c] + b[c]));
-            }
-        }
-    });
-    values
 }
 
 /// Subdivides elements beside much smaller ones; the parts have the whole's light.
