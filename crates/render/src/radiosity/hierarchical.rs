@@ -56,8 +56,6 @@ const CLUSTER_ERROR: f32 = 2.0;
 const MAX_BOUNCES: u32 = 400;
 /// A solution ends when a bounce changes less than this share of all light.
 const CONVERGED: f64 = 2e-5;
-/// Points for the direct light of an element.
-const DIRECT_POINTS: u32 = 16;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Decision {
@@ -135,7 +133,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
 impl State<'_> {
     /// Direct light of new leaves.
     fn light_up(&mut self, leaves: &[u32]) {
-        let direct = self.lights.irradiance(self.scene, &self.solved.mesh, leaves, DIRECT_POINTS);
+        let direct = self.lights.irradiance(self.scene, &self.solved.mesh, leaves);
         for (&i, d) in leaves.iter().zip(direct) {
             self.solved.direct[i as usize] = d;
         }

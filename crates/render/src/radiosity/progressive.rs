@@ -33,15 +33,12 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Points for the direct light of an element.
-const DIRECT_POINTS: u32 = 16;
-
 /// Solves on the leaves of a mesh.
 pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options, progress: &Progress) -> Solved {
     let count = mesh.nodes.len();
     let leaves = mesh.leaves();
     let mut direct = vec![Spectrum::ZERO; count];
-    for (&i, d) in leaves.iter().zip(lights.irradiance(scene, &mesh, &leaves, DIRECT_POINTS)) {
+    for (&i, d) in leaves.iter().zip(lights.irradiance(scene, &mesh, &leaves)) {
         direct[i as usize] = d;
     }
     let mean_area = mesh.area / leaves.len().max(1) as f32;
