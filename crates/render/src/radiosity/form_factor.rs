@@ -256,7 +256,6 @@ pub fn between_triangles(
     let mut traced = 0u32;
     let mut trace = |n: u32| {
         for k in traced..traced + n {
-            #[expect(clippy::needless_range_loop, reason = "four quarters, of which `arrives` is one list")]
             for i in 0..4 {
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));
