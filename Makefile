@@ -57,6 +57,7 @@ test:
 	@$(MAKE) lint
 	$(MAKE) test-rust
 	$(MAKE) test-python
+	$(MAKE) test-browser
 	echo "All tests and linters have passed."
 
 lint: $(VENV)/installed
@@ -88,6 +89,14 @@ test-wheel: $(WHEEL_VENV)/installed
 	$(WHEEL_VENV)/bin/pip install --quiet --no-deps --no-index --force-reinstall target/test-wheel/etendue-*.whl
 	cd target/test-wheel
 	../wheel-venv/bin/python ../../scripts/check_wheel.py
+
+# Baked scenes in Chromium with three.js. What is missing is said, and the test skipped.
+.PHONY: test-browser
+test-browser:
+	@cd tests/browser
+	if ! command -v node > /dev/null; then echo "SKIPPED: the browser test of baked scenes needs node and npm"; exit 0; fi
+	[[ -d node_modules ]] || npm install --no-audit --no-fund --silent || echo "npm install has failed"
+	node lightmap.mjs
 
 wheel: $(VENV)/installed
 	$(BIN)/maturin build --release --locked --out target/wheels

@@ -23,7 +23,7 @@ function skip(what) {
   process.exit(0);
 }
 if (!existsSync(chromium)) skip(`Chromium at ${chromium} (apt-get install chromium, or set CHROMIUM)`);
-if (!existsSync(join(here, 'node_modules', 'three'))) skip('its packages (npm install in tests/browser)');
+if (!['three', 'pngjs', 'playwright-core'].every((name) => existsSync(join(here, 'node_modules', name)))) skip('its packages (npm install in tests/browser)');
 if (!etendue || !existsSync(etendue)) skip('a built `etendue` (cargo build, or set ETENDUE)');
 
 const { chromium: browserType } = await import('playwright-core');
@@ -116,7 +116,7 @@ function check(what, holds, figures) {
 }
 const figures = (d) => `mean difference ${d.mean.toFixed(2)}, bias ${d.bias.toFixed(2)} of 255, ${(100 * d.far).toFixed(2)} % of pixels beyond 16`;
 
-const spp = process.env.SPP ?? '64';
+const spp = process.env.SPP ?? '32';
 run('render', scene, '--spp', spp, '-o', join(out, 'direct.png'), '--quiet');
 const kinds = [['emissive', []], ['unlit', ['--display', 'unlit']], ['lightmap', ['--display', 'lightmap']], ['vertices', ['--per-vertex']]];
 for (const [name, flags] of kinds) {

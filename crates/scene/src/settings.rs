@@ -45,11 +45,11 @@ params! {
         envmap_correction: Option<String> = None, "name", "";
         /// How radiosity is solved: hierarchical, progressive, matrix.
         radiosity_method: Option<String> = None, "name", "";
-        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given.
+        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given.
         radiosity_error: Option<f32> = None, "number", "";
         /// Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given.
         radiosity_elements: Option<u32> = None, "integer", "elements";
-        /// Most links of hierarchical radiosity, 16 bytes each; 60000000 where not given.
+        /// Most links of hierarchical radiosity, 20 bytes each; 60000000 where not given.
         radiosity_links: Option<u32> = None, "integer", "links";
         /// How progressive and matrix radiosity find form factors: rays, hemicube.
         radiosity_form_factors: Option<String> = None, "name", "";

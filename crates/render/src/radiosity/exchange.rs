@@ -105,7 +105,7 @@ impl Factors<'_> {
     /// and Greenberg 1994, "A Clustering Algorithm for Radiosity in Complex Environments", doi:10.1145/192161.192277).
     ///
     /// Each point of a source counts by the radiosity of its face over that of the whole: the receiver may see the bright sides of
-    /// walls and not the dark ones. So the factor belongs to the radiosities at hand; `spread` is the one without them.
+    /// walls and not the dark ones. So the factor belongs to the radiosities at hand.
     pub fn clusters(&self, receiver: u32, source: u32, importance: f32, radiosity: &[Spectrum]) -> Estimate {
         let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
         let random = PairRandom::new(self.seed, receiver, source);
@@ -143,7 +143,7 @@ impl Factors<'_> {
             factor += if mean > 0.0 && s.is_cluster() { kernel * (radiosity[from.face as usize].average() / mean) } else { kernel };
         }
         let inv = 1.0 / count.max(1) as f32;
-        Estimate { factor: factor * inv, spread: (geometric * inv).min(1.0) }
+        Estimate { factor: factor * inv, spread: 0.0, geometric: (geometric * inv).min(1.0) }
     }
 
     /// A point of a node: children by area, then uniform. Points with the index `i` fall into the parts of a

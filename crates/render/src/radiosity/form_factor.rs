@@ -154,6 +154,8 @@ pub struct Estimate {
     pub factor: f32,
     /// Largest less smallest value over the receiver.
     pub spread: f32,
+    /// The factor of a source that is evenly bright: geometry and visibility alone.
+    pub geometric: f32,
 }
 
 /// A triangle that sends or receives on the side from which its corners are counter-clockwise.
@@ -242,6 +244,7 @@ pub fn between_triangles(
     if !(total > 0.0) {
         return Estimate::default();
     }
+    let unlit = total;
     let total = light.map_or(total, |light| total * brightness_towards(receiver, source, light));
     // How it is distributed over the receiver's quarters, for the share of rays that pass.
     let at = at_points(receiver.corners, receiver.normal, source);
@@ -250,7 +253,7 @@ pub fn between_triangles(
     let height = |p: Vec3| (p - receiver.corners[0]).dot(receiver.normal);
     let top = source.corners.iter().copied().fold(source.corners[0], |a, b| if height(b) > height(a) { b } else { a });
     // Of each quarter: what passes, and the light that passes and that starts.
-    let (mut passed, mut arrives, mut starts) = (0.0f32, [0.0f32; 4], [0.0f32; 4]);
+    let (mut passed, mut arrives, mut starts) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
     // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
     let turn = (random.pair(u32::MAX).x * 4.0) as usize;
     let mut traced = 0u32;
@@ -268,25 +271,27 @@ pub fn between_triangles(
                     to = top + (to - top) * (above / (above - below) * u.x);
                 }
                 let (share, light) = (passes(point_of(&quarter(receiver.corners, i), u), to), light.map_or(1.0, |light| light(to)));
-                passed += share;
+                passed[i] += share;
                 arrives[i] += share * light;
                 starts[i] += light;
             }
         }
         traced += n;
-        (passed, traced)
+        (passed.iter().sum::<f32>(), traced)
     };
     let (all, n) = trace(rays.max(1));
     if all > 0.0 && all < 4.0 * n as f32 {
         trace(3 * rays.max(1));
     }
     let mean = starts.iter().sum::<f32>() / 4.0;
+    let all: f32 = quarters.iter().sum::<f32>() * traced as f32;
+    let geometric = unlit * quarters.iter().zip(&passed).map(|(q, p)| q * p).sum::<f32>() / all.max(1e-30);
     if !(mean > 0.0) {
         // Only dark places were met.
-        return Estimate { factor: total * passed / (4 * traced) as f32, spread: 0.0 };
+        return Estimate { factor: total * passed.iter().sum::<f32>() / (4 * traced) as f32, spread: 0.0, geometric };
     }
     let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * arrives[i] / mean);
     let (lo, hi) = values.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), &v| (lo.min(v), hi.max(v)));
     let share = values.iter().sum::<f32>() / quarters.iter().zip(&starts).map(|(q, s)| q * s / mean).sum::<f32>().max(1e-30);
-    Estimate { factor: total * share, spread: hi - lo }
+    Estimate { factor: total * share, spread: hi - lo, geometric }
 }

@@ -29,8 +29,10 @@ pub struct Link {
     pub source: u32,
     /// Form factor; negative where it is not known yet, as long as the source is dark.
     pub factor: f32,
-    /// Its variation over the receiver; where one of both is a cluster, the factor that does not know how unevenly a cluster shines.
+    /// Its variation over the receiver; 0 where one of both is a cluster.
     pub spread: f32,
+    /// The factor that does not know how unevenly the source shines.
+    pub geometric: f32,
 }
 
 /// Settings of the method.
@@ -103,7 +105,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         scene,
         lights,
         solved,
-        links: vec![Link { receiver: 0, source: 0, factor: -1.0, spread: 0.0 }],
+        links: vec![Link { receiver: 0, source: 0, factor: -1.0, spread: 0.0, geometric: 0.0 }],
         seed: options.seed,
         reference: 0.0,
         lit_area: 0.0,
@@ -209,7 +211,7 @@ impl State<'_> {
             let nodes = &self.solved.mesh.nodes;
             let mut next = Vec::new();
             for (l, d) in decided {
-                let new = |receiver, source| Link { receiver, source, factor: -1.0, spread: 0.0 };
+                let new = |receiver, source| Link { receiver, source, factor: -1.0, spread: 0.0, geometric: 0.0 };
                 match d {
                     Decision::Keep => settled.push(l),
                     Decision::Drop => {}
@@ -284,7 +286,7 @@ impl State<'_> {
             } else {
                 factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4), &self.solved.radiosity)
             };
-            (l.factor, l.spread) = (e.factor, e.spread);
+            (l.factor, l.spread, l.geometric) = (e.factor, e.spread, e.geometric);
         }
         let of_receiver = match (r.is_cluster(), s.is_cluster()) {
             (true, _) => l.factor * CLUSTER_ERROR * 2.0 * r.radius / dist,
@@ -381,21 +383,18 @@ impl State<'_> {
     fn finish(mut self, options: &Options) -> Solved {
         let offsets = offsets(&self.links, self.solved.mesh.nodes.len());
         let ones = vec![Spectrum::ONE; self.solved.mesh.nodes.len()];
-        let nodes = &self.solved.mesh.nodes;
-        let is_cluster = |i: u32| nodes[i as usize].is_cluster();
-        let geometric = |l: &Link| {
-            if l.factor > 0.0 && (is_cluster(l.source) || is_cluster(l.receiver)) { Link { factor: l.spread, ..*l } } else { *l }
-        };
+        // Rows and reciprocity are of geometry: the factors in use also know how unevenly sources shine.
+        let geometric = |l: &Link| if l.factor > 0.0 { Link { factor: l.geometric, ..*l } } else { *l };
         let links: Vec<Link> = self.links.par_iter().map(geometric).collect();
         let mut sums: Vec<f32> = gather(&self.solved.mesh, &links, &offsets, &ones).into_iter().map(|s| s.0[0]).collect();
-        drop(links);
         for (i, n) in self.solved.mesh.nodes.iter().enumerate() {
             if !n.is_cluster() && n.level > 0 {
                 sums[i] += sums[n.parent as usize];
             }
         }
         self.solved.row_sums = sums;
-        self.solved.reciprocity = reciprocity(&self.solved.mesh, &self.links);
+        self.solved.reciprocity = reciprocity(&self.solved.mesh, &links);
+        drop(links);
         let clusters = self.solved.mesh.nodes.iter().filter(|n| n.is_cluster()).count();
         let elements = self.solved.mesh.leaf_count();
         self.solved.notes.push(format!(
