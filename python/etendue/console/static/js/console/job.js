@@ -375,7 +375,7 @@ export async function jobPage(main, app, id) {
     fault,
     h("div", { class: "job" },
       h("section", { class: "viewer-box", "aria-label": "Picture" },
-        h("div", { class: "tools" }, frameLabel, field("Layer", layerSelect), h("label", { class: "field" }, h("span", {}, "Exposure ", stops), exposure), field("Tone mapping", operator), field("Compare", compare), pin, full,
+        h("div", { class: "tools" }, frameLabel, field("Layer", layerSelect), h("label", { class: "field", for: "exposure" }, h("span", {}, "Exposure ", stops), exposure), field("Tone mapping", operator), field("Compare", compare), pin, full,
           h("button", { type: "button", onclick: () => picture.fit() }, "Fit"), h("button", { type: "button", onclick: () => picture.zoomTo(1) }, "1:1")),
         stage,
         h("div", { class: "under" }, zoom, pixel, h("span", { class: "space" }), version)),
