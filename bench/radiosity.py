@@ -29,8 +29,8 @@ TILE = 8
 MARGIN = 2
 SETTINGS: dict[str, list[str]] = {
     "hierarchical": [],
-    "progressive": ["--radiosity-elements", "20000"],
-    "matrix": ["--radiosity-elements", "8000"],
+    "progressive": ["--radiosity-elements", "6000"],
+    "matrix": ["--radiosity-elements", "3000"],
 }
 RUNS: dict[str, list[list[str]]] = {
     "hierarchical": [["--radiosity-error", e] for e in ("3e-2", "1e-2", "3e-3", "1e-3", "4e-4")],
