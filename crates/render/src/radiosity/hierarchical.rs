@@ -298,7 +298,8 @@ impl State<'_> {
             l.factor * b * CLUSTER_ERROR * 2.0 * s.radius / dist
         } else {
             let uneven = s.children().map(|c| (self.solved.radiosity[c as usize].average() - b).abs()).fold(0.0, f32::max);
-            l.factor * uneven
+            // Not the factor in use, which is small where the dark part of a source is near: that is found by few points of it.
+            l.factor.max(l.geometric) * uneven
         };
         let of_receiver = of_receiver * b;
         if of_receiver.max(of_source) * weight <= threshold {
