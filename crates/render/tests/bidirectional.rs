@@ -329,3 +329,11 @@ fn scattering_media() {
     let error = session.render(&stop, &etendue_render::session::Cancel::default(), &etendue_render::session::Silent).unwrap_err();
     assert!(error.to_string().contains("emit"), "{error}");
 }
+
+/// Chains through glass and from mirrors bring what paths find by chance.
+#[test]
+fn manifold_next_event_estimation() {
+    let desc = caustic();
+    let path = reference(&desc, &base(1024));
+    assert_same("mnee caustic", &blocks(&desc, &method("mnee", 24)), &path, 5e-3, 0.1);
+}
