@@ -5,6 +5,7 @@
 mod support;
 
 use etendue_render::film::Film;
+use etendue_render::math::fns;
 use etendue_scene::desc::*;
 use etendue_scene::{RenderSettings, SceneDesc};
 use glam::{Mat4, Vec3};
@@ -99,6 +100,15 @@ fn caustic() -> SceneDesc {
     desc
 }
 
+/// Adds something to a scene.
+type Change = fn(&mut SceneDesc);
+
+/// The unit direction at angles to the z axis and about it.
+fn spherical(theta: f32, phi: f32) -> Vec3 {
+    let ((sin_theta, cos_theta), (sin_phi, cos_phi)) = (fns::sin_cos(theta), fns::sin_cos(phi));
+    Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
+}
+
 #[test]
 fn rough_surfaces() {
     let desc = glossy_room();
@@ -148,7 +158,7 @@ fn vcm_without_radius() {
 
 #[test]
 fn lights_of_all_kinds() {
-    let lights: [(&str, fn(&mut SceneDesc)); 4] = [
+    let lights: [(&str, Change); 4] = [
         ("constant", |desc| constant_sky(desc, 0.7)),
         ("environment", |desc| {
             let sky = (0..8 * 4 * 3).map(|i| 0.1 + (i * 7 % 11) as f32 * 0.1).collect();
@@ -212,7 +222,7 @@ fn masks_and_panes() {
 
 #[test]
 fn cameras_of_all_kinds() {
-    let cameras: [(&str, fn(&mut SceneDesc)); 3] = [
+    let cameras: [(&str, Change); 3] = [
         ("orthographic", |desc| orthographic(desc, Vec3::new(1.0, -5.0, 2.0), Vec3::new(0.0, 0.0, 1.0), 1.5)),
         ("panoramic", |desc| panoramic(desc, Vec3::new(0.3, -1.2, 1.6))),
         ("lens", |desc| {
@@ -280,7 +290,7 @@ fn interpolated_normals_and_bumps() {
     for y in 0..=rows {
         for x in 0..columns {
             let (phi, theta) = (x as f32 / columns as f32 * std::f32::consts::TAU, y as f32 / rows as f32 * std::f32::consts::PI);
-            let n = Vec3::new(theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos());
+            let n = spherical(theta, phi);
             mesh.positions.push(n * 0.7);
             mesh.normals.push(n);
         }

@@ -117,7 +117,7 @@ fn lambert(p: Vec3, n: Vec3, polygon: &[Vec3]) -> f32 {
     let corners: Vec<Vec3> = polygon.iter().map(|v| (*v - p).normalize()).collect();
     let edge = |i: usize| {
         let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
-        a.dot(b).clamp(-1.0, 1.0).acos() * a.cross(b).normalize().dot(n)
+        etendue_render::math::fns::acos(a.dot(b).clamp(-1.0, 1.0)) * a.cross(b).normalize().dot(n)
     };
     0.5 * (0..corners.len()).map(edge).sum::<f32>().abs()
 }

@@ -201,7 +201,8 @@ fn furnaces_are_evenly_bright() {
                 let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
                 let d = etendue_render::math::warp::uniform_sphere(u);
                 let h = irradiance(&scene, &solution, Vec3::new(0.1, -0.2, 0.05), d)[0] / (2.0 * PI);
-                assert!((h - 1.0).abs() < 0.02, "{name} in {geometry:?}: {h} along {d}");
+                // Elements of unlike sizes meet: their factors to each other are uncertain, one by one.
+                assert!((h - 1.0).abs() < 0.05, "{name} in {geometry:?}: {h} along {d}");
                 sum += h / 400.0;
             }
             println!("furnace {geometry:?} {name}: {sum:.5}");
@@ -307,7 +308,7 @@ fn all_methods_agree_with_path_tracing_in_a_room() {
     // Reflected radiance over reflectance, times π, is irradiance; none of the regions emits.
     let reference: Vec<[f64; 3]> = (0..REGIONS.len())
         .map(|r| {
-            over_region(r, 12_000, |ray, k| {
+            over_region(r, 40_000, |ray, k| {
                 let mut stream = sampler.stream(r as u32, 0, k);
                 out.reset(1);
                 let camera_ray = CameraRay { ray, weight: 1.0, picture: Vec2::ZERO, u_lens: Vec2::ZERO, spread_rad: 0.0 };
@@ -318,7 +319,8 @@ fn all_methods_agree_with_path_tracing_in_a_room() {
         })
         .collect();
     let mean = |v: &[[f64; 3]]| v.iter().flatten().sum::<f64>() / (3 * v.len()) as f64;
-    for s in [with(Method::Hierarchical, 100_000), with(Method::Progressive, 1500), with(Method::Matrix, 1500)] {
+    let fine = Settings { error: 2e-4, ..with(Method::Hierarchical, 400_000) };
+    for s in [fine, with(Method::Progressive, 4000), with(Method::Matrix, 4000)] {
         let solution = solved(&scene, &s);
         let found: Vec<[f64; 3]> =
             (0..REGIONS.len()).map(|r| over_region(r, 500, |ray, _| irradiance(&scene, &solution, ray.o, ray.d))).collect();
@@ -392,7 +394,7 @@ fn lights_that_are_no_surfaces_arrive() {
     ];
     for (name, scene, known) in &cases {
         for method in [Method::Hierarchical, Method::Progressive, Method::Matrix] {
-            let solution = solved(scene, &with(method, 3000));
+            let solution = solved(scene, &with(method, if method == Method::Matrix { 4000 } else { 30_000 }));
             let h = irradiance(scene, &solution, Vec3::new(0.01, 0.02, 1.0), -Vec3::Z)[0];
             assert!((h / known - 1.0).abs() < 0.02, "{name} {method:?}: {h} instead of {known}");
         }

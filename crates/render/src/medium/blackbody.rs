@@ -25,7 +25,7 @@ impl Table {
         if !(x >= 0.0) {
             return Spectrum::ZERO;
         }
-        match self.0.get(x as usize + 1) {
+        match self.0.get((x as usize).saturating_add(1)) {
             Some(next) => self.0[x as usize].lerp(*next, x - x.floor()),
             None => Spectrum::from_rgb(color(kelvin)),
         }

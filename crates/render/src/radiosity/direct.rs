@@ -1,19 +1,25 @@
 //! Light that comes straight from what is no surface: points, spots, the sun, the sky. Elements get it by shadow rays before the
 //! exchange between surfaces starts.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::form_factor::{PairRandom, point_of, quarter};
 use super::mesh::{MAX_LEVEL, Mesh, Node};
 use crate::accel::Ray;
 use crate::light::{Light, LightContext};
+use crate::math::Frame;
+use crate::math::warp;
 use crate::scene::Scene;
 use crate::scene::surface::offset;
 use crate::spectrum::Spectrum;
 
 /// More lights than this are chosen among at each point.
 const MANY_LIGHTS: usize = 16;
+/// Directions by each technique in which a point looks for a light that is all around.
+const SKY_SAMPLES: u32 = 4;
+/// Points of an element that look for light.
+const POINTS: u32 = 16;
 /// Shadow rays end this much (relative) before a light.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
@@ -24,6 +30,38 @@ pub struct DirectLights {
     /// Lights that give no noise: their direct light is looked at for shadow edges.
     has_delta: bool,
     seed: u64,
+}
+
+/// Irradiance at a point by a light that is all around, from [`SKY_SAMPLES`] directions by the light's radiance and as many by
+/// the cosine, weighted by the balance heuristic. The directions of an element's points are one low-discrepancy sequence (Roberts 2018, the R₂ sequence) with
+/// a random shift.
+fn sky(scene: &Scene, light: &Light, ctx: &LightContext, random: PairRandom, base: u32, k: u32) -> Spectrum {
+    let frame = Frame::from_normal(ctx.n);
+    let shift = random.pair(0x4000_0000 | k);
+    let mut sum = Spectrum::ZERO;
+    for i in 0..2 * SKY_SAMPLES {
+        let step = (base & 0xfff) * SKY_SAMPLES + i / 2;
+        let u = (shift + Vec2::new(0.754_877_7, 0.569_840_3) * step as f32).fract();
+        let wi = if i % 2 == 0 {
+            let Some(sample) = light.sample(ctx, u) else { continue };
+            sample.wi
+        } else {
+            frame.world_from_local(warp::cosine_hemisphere(u))
+        };
+        let cos = ctx.n.dot(wi);
+        let pdf = light.pdf_escaped(ctx, wi) + cos * std::f32::consts::FRAC_1_PI;
+        if cos <= 0.0 || !(pdf > 0.0) {
+            continue;
+        }
+        let share = super::form_factor::passes(scene, Ray::new(offset(ctx.p, ctx.n), wi));
+        if share > 0.0 {
+            let e = light.escaped(wi) * (cos * share / (pdf * SKY_SAMPLES as f32));
+            if e.is_finite() {
+                sum += e.map(|v| v.min(1e18));
+            }
+        }
+    }
+    sum
 }
 
 impl DirectLights {
@@ -51,6 +89,10 @@ impl DirectLights {
         for k in (first..count).step_by(step) {
             let light = &scene.lights[self.lights[k] as usize];
             if !wants(light) {
+                continue;
+            }
+            if light.is_infinite() && !light.is_delta() && !matches!(light, Light::Sun(_)) {
+                sum += sky(scene, light, &ctx, random, base, k as u32) * weight;
                 continue;
             }
             let Some(sample) = light.sample(&ctx, random.pair(base.wrapping_mul(0x1_0001).wrapping_add(k as u32))) else { continue };
@@ -92,14 +134,14 @@ impl DirectLights {
     }
 
     /// Mean direct irradiance of the given nodes, W·m⁻².
-    pub fn irradiance(&self, scene: &Scene, mesh: &Mesh, nodes: &[u32], points: u32) -> Vec<Spectrum> {
+    pub fn irradiance(&self, scene: &Scene, mesh: &Mesh, nodes: &[u32]) -> Vec<Spectrum> {
         if self.is_empty() {
             return vec![Spectrum::ZERO; nodes.len()];
         }
         nodes
             .par_iter()
             .map(|&i| {
-                let q = self.quarters(scene, mesh, i, points.div_ceil(4), |_| true);
+                let q = self.quarters(scene, mesh, i, POINTS / 4, |_| true);
                 (q[0] + q[1] + q[2] + q[3]) * 0.25
             })
             .collect()

@@ -3,7 +3,7 @@
 use glam::Vec3;
 
 use super::form_factor::{Estimate, PairRandom, Side, between_triangles, point_of, visibility};
-use super::mesh::{Mesh, Node};
+use super::mesh::{Mesh, Node, descend_once};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
@@ -68,8 +68,9 @@ struct Sample {
 }
 
 impl Factors<'_> {
-    /// The factor from a receiver to a source, both no clusters; `rays` as in [`between_triangles`].
-    pub fn elements(&self, receiver: u32, source: u32, rays: u32) -> Estimate {
+    /// The factor from a receiver to a source, both no clusters; `rays` as in [`between_triangles`]. For a source with elements of its
+    /// own, `light` of its leaves says how it is spread over them; the factor belongs to that light.
+    pub fn elements(&self, receiver: u32, source: u32, rays: u32, light: &[Spectrum]) -> Estimate {
         let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
         let (face_r, face_s) = (self.mesh.face(r), self.mesh.face(s));
         let passes = |p: Vec3, q: Vec3| {
@@ -78,13 +79,25 @@ impl Factors<'_> {
             visibility(self.scene, p, np, q, nq)
         };
         let side = |n, normal| Side { corners: n, normal };
+        let at = |p| light[self.leaf_at(source, p) as usize].average();
         between_triangles(
             &side(&r.corners, face_r.normal),
             &side(&s.corners, face_s.normal),
             rays,
             PairRandom::new(self.seed, receiver, source),
             passes,
+            if s.is_leaf() { None } else { Some(&at) },
         )
+    }
+
+    /// The leaf of an element that holds a point of it.
+    fn leaf_at(&self, element: u32, p: Vec3) -> u32 {
+        let (mut at, mut b) = (element, super::shapes::barycentric(&self.mesh.nodes[element as usize].corners, p));
+        while !self.mesh.nodes[at as usize].is_leaf() {
+            let (i, weights) = descend_once(b);
+            (at, b) = (self.mesh.nodes[at as usize].first_child + i, weights);
+        }
+        at
     }
 
     /// The factor from a receiver to a source of which one at least is a cluster, by points of both. For a cluster as receiver it is

@@ -10,6 +10,7 @@
 use glam::DVec3;
 
 use crate::accel::Ray;
+use crate::math::fns;
 use crate::math::hash::{hash_words, mix64};
 use crate::math::{Vec2, Vec3};
 use crate::scene::Scene;
@@ -22,8 +23,8 @@ const MAX_CROSSINGS: u32 = 64;
 /// A polygon that is so small against its distance counts as a point: the error is of the order of the square of this.
 const POINT_LIKE: f32 = 0.02;
 
-/// The cosine-weighted share of the hemisphere about the unit normal `n` at `p` that a triangle fills: Σ θᵢ n·Γᵢ / 2π over the edges
-/// of the part above the horizon, where θᵢ is the angle of an edge seen from `p` and Γᵢ the unit normal of the plane through it and
+/// The cosine-weighted share of the hemisphere about the unit normal `n` at `p` that a triangle fills: Σ θᵢ n·Γᵢ / 2π over the
+/// edges of the part above the horizon, where θᵢ is the angle of an edge seen from `p` and Γᵢ the unit normal of the plane through it and
 /// `p`. The triangle counts from the side from which its corners are counter-clockwise; zero from the other. In [0, 1].
 pub fn point_to_polygon(p: Vec3, n: Vec3, corners: &[Vec3; 3]) -> f32 {
     let (center, normal) = ((corners[0] + corners[1] + corners[2]) / 3.0, (corners[1] - corners[0]).cross(corners[2] - corners[0]));
@@ -165,42 +166,96 @@ pub struct Side<'a> {
 }
 
 /// The quadrature over a triangle that is exact for polynomials of degree 4, with six points (Cowper 1973, "Gaussian Quadrature Formulas
-/// for Triangles", doi:10.1002/nme.1620070316): barycentric weights and shares.
-const CORNER_POINT: f32 = 0.091_576_21;
-const CORNER_WEIGHT: f32 = 0.109_951_74;
-const MIDDLE_POINT: f32 = 0.445_948_5;
-const MIDDLE_WEIGHT: f32 = 0.223_381_59;
+/// for Triangles", doi:10.1002/nme.1620070316): weights and barycentric places; first those near the corners, then those near the middles of
+/// the edges.
+const POINTS: [(f32, [f32; 3]); 6] = {
+    const CORNER: f32 = 0.091_576_21;
+    const MIDDLE: f32 = 0.445_948_5;
+    const OF_CORNER: f32 = 0.109_951_74;
+    const OF_MIDDLE: f32 = 0.223_381_59;
+    let (near, far) = (1.0 - 2.0 * CORNER, 1.0 - 2.0 * MIDDLE);
+    [
+        (OF_CORNER, [near, CORNER, CORNER]),
+        (OF_CORNER, [CORNER, near, CORNER]),
+        (OF_CORNER, [CORNER, CORNER, near]),
+        (OF_MIDDLE, [far, MIDDLE, MIDDLE]),
+        (OF_MIDDLE, [MIDDLE, far, MIDDLE]),
+        (OF_MIDDLE, [MIDDLE, MIDDLE, far]),
+    ]
+};
 
-/// The factor from a receiver to a source: the mean over the receiver of the exact factor of a point to the source, by six points, times
+/// The factors to another side of a triangle of a side at [`POINTS`].
+fn at_points(corners: &[Vec3; 3], normal: Vec3, to: &Side) -> [f32; 6] {
+    POINTS.map(|(_, b)| point_to_polygon(corners[0] * b[0] + corners[1] * b[1] + corners[2] * b[2], normal, to.corners))
+}
+
+/// The mean over a side of the factor to another; by four times as many points where they are near each other, as the factor rises
+/// steeply towards a common edge.
+fn mean_over(from: &Side, to: &Side) -> f32 {
+    let mean = |corners: &[Vec3; 3]| at_points(corners, from.normal, to).iter().zip(POINTS).map(|(f, (w, _))| f * w).sum::<f32>();
+    let center = |c: &[Vec3; 3]| (c[0] + c[1] + c[2]) / 3.0;
+    let radius2 = |s: &Side| s.corners.iter().map(|c| c.distance_squared(center(s.corners))).fold(0.0, f32::max);
+    let reach = radius2(from).sqrt() + radius2(to).sqrt();
+    if center(from.corners).distance_squared(center(to.corners)) > fns::sqr(reach) {
+        return mean(from.corners);
+    }
+    (0..4).map(|i| mean(&quarter(from.corners, i))).sum::<f32>() / 4.0
+}
+
+/// How much brighter a source is towards a receiver than in the mean: its radiosity at points, weighted by their factors to the receiver.
+fn brightness_towards(receiver: &Side, source: &Side, light: &dyn Fn(Vec3) -> f32) -> f32 {
+    let (mut sent, mut factors, mut lights) = (0.0, 0.0, 0.0);
+    for corners in (0..4).map(|i| quarter(source.corners, i)) {
+        for (weight, b) in POINTS {
+            let p = corners[0] * b[0] + corners[1] * b[1] + corners[2] * b[2];
+            let (factor, light) = (weight * point_to_polygon(p, source.normal, receiver.corners), light(p));
+            sent += factor * light;
+            factors += factor;
+            lights += weight * light / 4.0;
+        }
+    }
+    if factors > 0.0 && lights > 0.0 { sent / factors / lights } else { 1.0 }
+}
+
+/// The factor from a receiver to a source: the mean over the receiver of the exact factor of a point to the source, by points, times
 /// the share of `rays` (per quarter of the receiver, at least 1) that pass. Where some pass and some do not, four times as many are
-/// traced. `passes` is the share of light that passes between a point of the receiver and one of the source.
-pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: PairRandom, passes: impl Fn(Vec3, Vec3) -> f32) -> Estimate {
+/// traced. `passes` is the share of light that passes between a point of the receiver and one of the source, and `light` says how
+/// bright the source is at a point, where it is not so evenly: what is near the receiver is often bright from the same light, and
+/// what is hidden from it dark, as the floor under a table, so that mean radiosity times bare geometry would lose light.
+///
+/// The points are those of the smaller of both, as Aᵣ Fᵣₛ = Aₛ Fₛᵣ: a small source at the edge of a large receiver may lie between all
+/// points of the receiver, and light would be lost.
+pub fn between_triangles(
+    receiver: &Side,
+    source: &Side,
+    rays: u32,
+    random: PairRandom,
+    passes: impl Fn(Vec3, Vec3) -> f32,
+    light: Option<&dyn Fn(Vec3) -> f32>,
+) -> Estimate {
     let above = |c: &[Vec3; 3], s: &Side| c.iter().any(|&c| (c - s.corners[0]).dot(s.normal) > 0.0);
     if !above(source.corners, receiver) || !above(receiver.corners, source) {
         return Estimate::default();
     }
-    // Factors fall off from edges where surfaces meet and are convex there: the middle of an element alone would always be too dark.
-    let at = |b: [f32; 3]| receiver.corners[0] * b[0] + receiver.corners[1] * b[1] + receiver.corners[2] * b[2];
-    let of = |b: [f32; 3]| point_to_polygon(at(b), receiver.normal, source.corners);
-    let [a, b] = [CORNER_POINT, MIDDLE_POINT];
-    let (near, far) = (1.0 - 2.0 * a, 1.0 - 2.0 * b);
-    let corner = [of([near, a, a]), of([a, near, a]), of([a, a, near])];
-    let middle = [of([far, b, b]), of([b, far, b]), of([b, b, far])];
-    let total = CORNER_WEIGHT * (corner[0] + corner[1] + corner[2]) + MIDDLE_WEIGHT * (middle[0] + middle[1] + middle[2]);
-    if total <= 0.0 {
+    let (area_r, area_s) = (area_of(receiver.corners), area_of(source.corners));
+    let total = if area_s < area_r { (mean_over(source, receiver) * (area_s / area_r)).min(1.0) } else { mean_over(receiver, source) };
+    if !(total > 0.0) {
         return Estimate::default();
     }
-    // The quarters' shares of it, for the share of rays that pass.
-    let quarters = [corner[0], corner[1], corner[2], (middle[0] + middle[1] + middle[2]) / 3.0];
+    let total = light.map_or(total, |light| total * brightness_towards(receiver, source, light));
+    // How it is distributed over the receiver's quarters, for the share of rays that pass.
+    let at = at_points(receiver.corners, receiver.normal, source);
+    let quarters = [at[0], at[1], at[2], (at[3] + at[4] + at[5]) / 3.0];
+    let quarters = if quarters.iter().sum::<f32>() > 0.0 { quarters } else { [total; 4] };
     let height = |p: Vec3| (p - receiver.corners[0]).dot(receiver.normal);
     let top = source.corners.iter().copied().fold(source.corners[0], |a, b| if height(b) > height(a) { b } else { a });
-    let mut passed = [0.0f32; 4];
+    // Of each quarter: what passes, and the light that passes and that starts.
+    let (mut passed, mut arrives, mut starts) = (0.0f32, [0.0f32; 4], [0.0f32; 4]);
     // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
     let turn = (random.pair(u32::MAX).x * 4.0) as usize;
     let mut traced = 0u32;
-    let mut trace = |passed: &mut [f32; 4], n: u32| {
+    let mut trace = |n: u32| {
         for k in traced..traced + n {
-            #[expect(clippy::needless_range_loop, reason = "four quarters, of which `passed` is one list")]
             for i in 0..4 {
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));
@@ -212,19 +267,26 @@ pub fn between_triangles(receiver: &Side, source: &Side, rays: u32, random: Pair
                     let above = height(top);
                     to = top + (to - top) * (above / (above - below) * u.x);
                 }
-                passed[i] += passes(point_of(&quarter(receiver.corners, i), u), to);
+                let (share, light) = (passes(point_of(&quarter(receiver.corners, i), u), to), light.map_or(1.0, |light| light(to)));
+                passed += share;
+                arrives[i] += share * light;
+                starts[i] += light;
             }
         }
         traced += n;
-        traced
+        (passed, traced)
     };
-    let mut n = trace(&mut passed, rays.max(1));
-    let all: f32 = passed.iter().sum();
+    let (all, n) = trace(rays.max(1));
     if all > 0.0 && all < 4.0 * n as f32 {
-        n = trace(&mut passed, 3 * rays.max(1));
+        trace(3 * rays.max(1));
     }
-    let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * passed[i] / n as f32);
+    let mean = starts.iter().sum::<f32>() / 4.0;
+    if !(mean > 0.0) {
+        // Only dark places were met.
+        return Estimate { factor: total * passed / (4 * traced) as f32, spread: 0.0 };
+    }
+    let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * arrives[i] / mean);
     let (lo, hi) = values.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), &v| (lo.min(v), hi.max(v)));
-    let share = values.iter().sum::<f32>() / quarters.iter().sum::<f32>();
+    let share = values.iter().sum::<f32>() / quarters.iter().zip(&starts).map(|(q, s)| q * s / mean).sum::<f32>().max(1e-30);
     Estimate { factor: total * share, spread: hi - lo }
 }

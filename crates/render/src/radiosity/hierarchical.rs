@@ -46,16 +46,16 @@ pub struct Options {
 
 /// Rounds of refinement and solution.
 const ROUNDS: [f32; 5] = [8.0, 4.0, 2.0, 1.0, 1.0];
-/// From this round on the light of clusters' faces is known well enough: their factors stay.
-const CLUSTERS_KNOWN: usize = 4;
+/// From this round on it is known well enough how light is spread over sources: their factors stay.
+const LIGHT_KNOWN: usize = 4;
+/// How uncertain a factor is where the receiver is as large as its distance from the source.
+const NEAR_ERROR: f32 = 0.4;
 /// How uncertain a cluster's factor is: times its diameter over the distance.
 const CLUSTER_ERROR: f32 = 2.0;
 /// Bounces of a solution at most.
 const MAX_BOUNCES: u32 = 400;
 /// A solution ends when a bounce changes less than this share of all light.
 const CONVERGED: f64 = 2e-5;
-/// Points for the direct light of an element.
-const DIRECT_POINTS: u32 = 16;
 
 #[derive(Clone, Copy, PartialEq)]
 enum Decision {
@@ -120,8 +120,8 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         }
         progress.tell("radiosity", round as f64 / ROUNDS.len() as f64);
         state.measure();
-        if round < CLUSTERS_KNOWN {
-            state.forget_clusters();
+        if round < LIGHT_KNOWN {
+            state.forget_spread();
         }
         state.refine(*scale, &options.limits, progress);
         state.converge(progress);
@@ -133,7 +133,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
 impl State<'_> {
     /// Direct light of new leaves.
     fn light_up(&mut self, leaves: &[u32]) {
-        let direct = self.lights.irradiance(self.scene, &self.solved.mesh, leaves, DIRECT_POINTS);
+        let direct = self.lights.irradiance(self.scene, &self.solved.mesh, leaves);
         for (&i, d) in leaves.iter().zip(direct) {
             self.solved.direct[i as usize] = d;
         }
@@ -161,10 +161,10 @@ impl State<'_> {
         }
     }
 
-    /// Lets factors of clusters be found anew: they depend on how the light is spread over their faces.
-    fn forget_clusters(&mut self) {
+    /// Lets factors be found anew that depend on how light is spread over their sources: those of clusters and of what has elements.
+    fn forget_spread(&mut self) {
         let nodes = &self.solved.mesh.nodes;
-        self.links.par_iter_mut().filter(|l| nodes[l.source as usize].is_cluster()).for_each(|l| l.factor = -1.0);
+        self.links.par_iter_mut().filter(|l| !nodes[l.source as usize].is_leaf()).for_each(|l| l.factor = -1.0);
     }
 
     /// Refines links until all are good enough for `scale` times the error.
@@ -282,14 +282,15 @@ impl State<'_> {
             let e = if has_cluster {
                 factors.clusters(l.receiver, l.source, importance, &self.solved.radiosity)
             } else {
-                factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4))
+                factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4), &self.solved.radiosity)
             };
             (l.factor, l.spread) = (e.factor, e.spread);
         }
         let of_receiver = match (r.is_cluster(), s.is_cluster()) {
             (true, _) => l.factor * CLUSTER_ERROR * 2.0 * r.radius / dist,
             (_, true) => l.factor * 2.0 * r.radius / dist,
-            _ => l.spread.max(l.factor * 0.02),
+            // A source near a receiver that is larger than their distance may fall between the points at which its factor was found.
+            _ => l.spread.max(l.factor * (NEAR_ERROR * (r.radius / dist.max(1e-30)).min(1.0).powi(2)).max(0.01)),
         };
         let of_source = if s.is_cluster() {
             l.factor * b * CLUSTER_ERROR * 2.0 * s.radius / dist
@@ -349,7 +350,8 @@ impl State<'_> {
         }
     }
 
-    /// Adds up what was gathered from the faces down to the leaves, and radiosity from there up. Returns the change of all light relative to it.
+    /// Adds up what was gathered from the faces down to the leaves, and radiosity from there up. Returns the change of all light, relative
+    /// to it.
     fn push_pull(&mut self, gathered: &[Spectrum]) -> f64 {
         let solved = &mut self.solved;
         let (mut change, mut total) = (0.0f64, 0.0f64);
@@ -404,7 +406,8 @@ impl State<'_> {
         ));
         if self.is_limited {
             self.solved.notes.push(format!(
-                "the limits of {} elements and {} links were met: the error per link is {:.2e} instead of {:.2e} (--radiosity-elements, --radiosity-links)",
+                "the limits of {} elements and {} links were met: the error per link is {:.2e} instead of {:.2e} \
+                 (--radiosity-elements, --radiosity-links)",
                 options.limits.elements, options.limits.links, self.error, options.error
             ));
         }

@@ -15,8 +15,6 @@ use super::{FormFactors, Progress, Solver};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
 
-/// Points for the direct light of an element.
-const DIRECT_POINTS: u32 = 16;
 /// Relative change at which iterations end.
 const CONVERGED: f64 = 1e-7;
 /// Iterations at most.
@@ -67,7 +65,7 @@ impl FactorMatrix {
                     }
                     for (value, &s) in row.iter_mut().zip(leaves) {
                         if r != s {
-                            *value = f.elements(r, s, 1).factor;
+                            *value = f.elements(r, s, 1, &[]).factor;
                         }
                     }
                     step();
@@ -145,7 +143,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
     let count = mesh.nodes.len();
     let leaves = mesh.leaves();
     let n = leaves.len();
-    let direct_of_leaves = lights.irradiance(scene, &mesh, &leaves, DIRECT_POINTS);
+    let direct_of_leaves = lights.irradiance(scene, &mesh, &leaves);
     let factors = FactorMatrix::new(scene, &mesh, &leaves, options, progress);
     let (mut direct, mut irradiance, mut radiosity) =
         (vec![Spectrum::ZERO; count], vec![Spectrum::ZERO; count], vec![Spectrum::ZERO; count]);

@@ -126,7 +126,7 @@ impl Default for Settings {
 }
 
 /// Error of links where the user gives none.
-pub const DEFAULT_ERROR: f32 = 1e-3;
+pub const DEFAULT_ERROR: f32 = 4e-4;
 /// Most elements of the hierarchical method.
 pub const DEFAULT_ELEMENTS: usize = 2_000_000;
 /// Most links.

@@ -33,15 +33,12 @@ pub struct Options {
     pub seed: u64,
 }
 
-/// Points for the direct light of an element.
-const DIRECT_POINTS: u32 = 16;
-
 /// Solves on the leaves of a mesh.
 pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options, progress: &Progress) -> Solved {
     let count = mesh.nodes.len();
     let leaves = mesh.leaves();
     let mut direct = vec![Spectrum::ZERO; count];
-    for (&i, d) in leaves.iter().zip(lights.irradiance(scene, &mesh, &leaves, DIRECT_POINTS)) {
+    for (&i, d) in leaves.iter().zip(lights.irradiance(scene, &mesh, &leaves)) {
         direct[i as usize] = d;
     }
     let mean_area = mesh.area / leaves.len().max(1) as f32;
@@ -74,11 +71,10 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
             progress.tell("radiosity", 1.0 - (left / first.max(1e-300)).min(1.0));
         }
         let source = patches.patches[p];
-        let sent = patches.take(&mesh, p, &mut unshot);
         let factors: Vec<f32> = match &hemicube {
             None => {
                 let f = Factors { scene, mesh: &mesh, seed: options.seed };
-                leaves.par_iter().map(|&r| f.elements(r, source, 1).factor).collect()
+                leaves.par_iter().map(|&r| f.elements(r, source, 1, &unshot).factor).collect()
             }
             Some(cube) => {
                 // The share of the source's view, turned round by Aᵢ Fᵢⱼ = Aⱼ Fⱼᵢ.
@@ -87,6 +83,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
                 of_source.iter().zip(&leaves).map(|(f, &r)| (f * node.area / mesh.nodes[r as usize].area).min(1.0)).collect()
             }
         };
+        let sent = patches.take(&mesh, p, &mut unshot);
         for (&r, f) in leaves.iter().zip(factors) {
             if f > 0.0 {
                 let i = r as usize;

@@ -165,6 +165,9 @@ fn balance(scene: &Scene, solved: &mut Solved) {
             solved.irradiance.push(solved.irradiance[parent]);
             solved.direct.push(solved.direct[parent]);
             solved.radiosity.push(node.emission + node.reflectance * solved.irradiance[parent]);
+            if let Some(&sum) = solved.row_sums.get(parent) {
+                solved.row_sums.push(sum);
+            }
             corners.extend(node.corners.map(key));
         }
         // A new vertex may make any leaf too coarse.

@@ -26,7 +26,7 @@ pub const BASE: usize = 128;
 /// Levels of roughness; the first is sharp.
 const LEVELS: usize = 7;
 /// Samples of a prefiltered texel.
-const SAMPLES: u32 = 96;
+const SAMPLES: u32 = 256;
 
 /// A picture on the six faces of a cube.
 #[derive(Clone, Debug)]
@@ -148,7 +148,7 @@ impl Environment {
         // Prefiltering starts from a moderate size.
         let skip = chain.iter().position(|c| c.size <= BASE).unwrap_or(0);
         let chain = &chain[skip..];
-        let level = |i: usize| if i == 0 { rough.clone() } else { prefilter(chain, roughness_alpha(i), (BASE >> (i / 2 + 1)).max(8)) };
+        let level = |i: usize| if i == 0 { rough.clone() } else { prefilter(chain, roughness_alpha(i), (BASE >> (i / 2 + 1)).max(16)) };
         let levels = (0..LEVELS).map(level).collect();
         Self { center, bounds, mirror, levels, harmonics: harmonics(&chain[0]) }
     }
@@ -244,7 +244,7 @@ fn prefilter(chain: &[Cube], alpha: f32, size: usize) -> Cube {
             let m = facets.sample_visible_normal(Vec3::Z, hammersley(i, SAMPLES));
             let wi = 2.0 * m.z * m - Vec3::Z;
             let pdf = facets.pdf_visible(Vec3::Z, m) / (4.0 * m.z);
-            let level = 0.5 * fns::log2((1.0 / (SAMPLES as f32 * pdf) / texel).max(1.0)) + 0.5;
+            let level = 0.5 * fns::log2((1.0 / (SAMPLES as f32 * pdf) / texel).max(1.0));
             (wi.z > 0.0 && pdf > 0.0).then_some((wi, wi.z, level))
         })
         .collect();
@@ -274,8 +274,9 @@ const TABLE: usize = 32;
 impl Default for ReflectanceTable {
     fn default() -> Self {
         let cells = (0..TABLE * TABLE).into_par_iter().map(|i| {
-            let at = |k: usize| (k as f32 + 0.5) / TABLE as f32;
-            integrate_reflectance(at(i % TABLE), fns::sqr(at(i / TABLE)))
+            // The table's ends are cells of their own; light from the very horizon is none.
+            let at = |k: usize| k as f32 / (TABLE - 1) as f32;
+            integrate_reflectance(at(i % TABLE).max(1e-3), fns::sqr(at(i / TABLE)))
         });
         Self { cells: cells.collect() }
     }
@@ -284,7 +285,7 @@ impl Default for ReflectanceTable {
 impl ReflectanceTable {
     /// Scale and offset: the reflectance is f0 · scale + f90 · offset.
     pub fn lookup(&self, cos: f32, alpha: f32) -> [f32; 2] {
-        let place = |v: f32| (v.clamp(0.0, 1.0) * TABLE as f32 - 0.5).clamp(0.0, (TABLE - 1) as f32);
+        let place = |v: f32| v.clamp(0.0, 1.0) * (TABLE - 1) as f32;
         let (x, y) = (place(cos), place(alpha.max(0.0).sqrt()));
         let (x0, y0) = ((x as usize).min(TABLE - 2), (y as usize).min(TABLE - 2));
         let (fx, fy) = (x - x0 as f32, y - y0 as f32);
@@ -394,8 +395,24 @@ mod tests {
         // A smooth mirror reflects by Schlick's formula, a rough one somewhat less than everything.
         let [scale, offset] = table.lookup(0.5, 0.0);
         assert!((scale + offset - 1.0).abs() < 0.02 && (offset - schlick_weight(0.5)).abs() < 0.01, "{scale} {offset}");
-        let [scale, offset] = table.lookup(0.7, 1.0);
-        assert!(scale + offset > 0.3 && scale + offset < 0.95, "{scale} {offset}");
+        // Rough ones as the model itself, integrated over all directions.
+        for (cos, alpha) in [(0.7, 1.0), (0.3, 0.5), (0.9, 0.2)] {
+            let bsdf = crate::bsdf::RoughConductor {
+                microfacet: Microfacet::isotropic(Distribution::Ggx, alpha),
+                eta: Spectrum::ZERO,
+                k: Spectrum::ONE,
+                specular_reflectance: Spectrum::ONE,
+            };
+            let wo = Vec3::new(fns::safe_sqrt(1.0 - cos * cos), 0.0, cos);
+            let n = 60_000;
+            let of = |i: u32| {
+                let wi = crate::math::warp::uniform_hemisphere(hammersley(i, n));
+                bsdf.eval(wo, wi, crate::bsdf::TransportMode::Radiance)[0]
+            };
+            let truth = 2.0 * PI * (0..n).map(of).sum::<f32>() / n as f32;
+            let [scale, offset] = table.lookup(cos, alpha);
+            assert!((scale + offset - truth).abs() < 0.01, "{cos} {alpha}: {} instead of {truth}", scale + offset);
+        }
     }
 
     #[test]

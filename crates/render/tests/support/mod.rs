@@ -161,6 +161,8 @@ pub fn settings(width: u32, height: u32, spp: u32) -> RenderSettings {
         spp: Some(spp),
         filter: Some("box".into()),
         sampler: Some("independent".into()),
+        // Not `auto`, whose choice may be a method with a bias.
+        integrator: Some("path".into()),
         ..RenderSettings::default()
     }
 }
