@@ -279,13 +279,8 @@ fn white_furnace() {
     }
 }
 
-/// Shading normals that are not the geometric ones, and normals that depend on the viewer.
-#[test]
-fn interpolated_normals_and_bumps() {
-    let mut desc = scene();
-    let white = room(&mut desc);
-    // A coarse ball with smooth normals.
-    let (columns, rows) = (8u32, 5u32);
+/// A coarse ball of radius 0.7 with smooth normals.
+fn coarse_ball(desc: &mut SceneDesc, columns: u32, rows: u32) -> GeometryDesc {
     let mut mesh = MeshData::default();
     for y in 0..=rows {
         for x in 0..columns {
@@ -302,8 +297,16 @@ fn interpolated_normals_and_bumps() {
             mesh.triangles.push([at(x, y), at(x + 1, y + 1), at(x + 1, y)]);
         }
     }
-    let mesh = add(&mut desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
-    let geometry = GeometryDesc::Mesh { mesh, face_normals: false, smooth: false };
+    let mesh = add(desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
+    GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }
+}
+
+/// Shading normals that are not the geometric ones, and normals that depend on the viewer.
+#[test]
+fn interpolated_normals_and_bumps() {
+    let mut desc = scene();
+    let white = room(&mut desc);
+    let geometry = coarse_ball(&mut desc, 8, 5);
     let two_sided = bsdf(&mut desc, BsdfDesc::TwoSided { front: white, back: white });
     shape(&mut desc, geometry, Mat4::from_translation(Vec3::new(0.0, 0.0, 0.9)), Some(two_sided));
     let light = rectangle(&mut desc, Vec3::new(0.3, 0.0, 2.9), [0.8, 0.5], true, Some(white));
@@ -341,9 +344,64 @@ fn scattering_media() {
 }
 
 /// Chains through glass and from mirrors bring what paths find by chance.
+/// Manifold next-event estimation: spheres, smooth meshes, shells, mirrors in glass, smoke, lamps within glass.
 #[test]
-fn manifold_next_event_estimation() {
-    let desc = caustic();
-    let path = reference(&desc, &base(1024));
-    assert_same("mnee caustic", &blocks(&desc, &method("mnee", 24)), &path, 5e-3, 0.1);
+fn chains_through_glass_and_mirrors() {
+    let scenes: [(&str, Change); 5] = [
+        ("balls", |_| ()),
+        ("mesh", |desc| {
+            let glass = bsdf(desc, glass(1.4, None));
+            let ball = coarse_ball(desc, 10, 6);
+            shape(desc, ball, Mat4::from_translation(Vec3::new(0.2, -1.0, 1.0)), Some(glass));
+        }),
+        ("shell", |desc| {
+            let glass = bsdf(desc, glass(1.5, None));
+            let air = bsdf(desc, self::glass(1.0 / 1.5, None));
+            sphere(desc, Vec3::new(0.1, -1.0, 1.0), 0.5, Some(glass));
+            sphere(desc, Vec3::new(0.1, -1.0, 1.0), 0.4, Some(air));
+            let white = diffuse(desc, 0.3);
+            let lamp = sphere(desc, Vec3::new(0.1, -1.0, 1.0), 0.1, Some(white));
+            emit(desc, lamp, Color::gray(20.0));
+        }),
+        ("mirrors", |desc| {
+            let mirror = bsdf(desc, mirror(None));
+            let both = bsdf(desc, BsdfDesc::TwoSided { front: mirror, back: mirror });
+            rectangle(desc, Vec3::new(0.0, 0.5, 0.3), [0.6, 0.4], false, Some(both));
+            sphere(desc, Vec3::new(0.7, -0.4, 0.7), 0.2, Some(mirror));
+        }),
+        ("smoke", |desc| {
+            let glass = bsdf(desc, glass(1.3, None));
+            let ball = sphere(desc, Vec3::new(0.1, -1.0, 1.0), 0.4, Some(glass));
+            let phase = PhaseDesc::Isotropic;
+            let smoke = add(desc, MediumDesc::Homogeneous { sigma_a: [0.5, 0.2, 0.1], sigma_s: [1.0; 3], emission: [0.1; 3], phase });
+            desc.shapes[ball.0 as usize].value.interior = Some(smoke);
+        }),
+    ];
+    for (name, change) in scenes {
+        let mut desc = caustic();
+        change(&mut desc);
+        let path = reference(&desc, &base(512));
+        assert_same(&format!("mnee {name}"), &blocks(&desc, &method("mnee", 16)), &path, 5e-3, 0.1);
+    }
+}
+
+/// Light of points behind glass, which paths cannot find, agrees with that of a lamp of the same power that they can.
+#[test]
+fn chains_to_points() {
+    let with = |small: bool| {
+        let mut desc = caustic();
+        let (p, radius) = (Vec3::new(-0.5, -1.2, 2.4), 0.05);
+        if small {
+            let area = std::f32::consts::PI * radius * radius;
+            add(&mut desc, LightDesc::Point { position: p, intensity: [300.0 * area; 3] });
+        } else {
+            let black = diffuse(&mut desc, 0.0);
+            let lamp = sphere(&mut desc, p, radius, Some(black));
+            emit(&mut desc, lamp, Color::gray(300.0));
+        }
+        desc
+    };
+    let s = RenderSettings { max_depth: Some(3), ..base(32) };
+    let mnee = |small| blocks(&with(small), &RenderSettings { integrator: Some("mnee".into()), ..s.clone() });
+    assert_same("mnee points", &mnee(true), &mnee(false), 0.02, 0.2);
 }

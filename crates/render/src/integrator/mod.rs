@@ -269,7 +269,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
-        "mnee" => Box::new(Mnee::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
+        "mnee" => Box::new(Mnee::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true })),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
