@@ -1,12 +1,12 @@
 //! Chains of mirror reflections and refractions from a point to a point of a light.
 //!
-//! A chain is a function of the direction in which it leaves the point: what smooth dielectrics and metals do to it follows, once it is
-//! settled which of them reflect and which refract. Newton's method moves the direction until the last ray goes through the light's
+//! A chain is a function of the direction in which it leaves the point: smooth dielectrics refract it and metals reflect it, until
+//! something else is met or nothing. Newton's method moves the direction until the last ray goes through the light's
 //! point (Hanika, Droske, Fascione 2015, "Manifold Next Event Estimation", doi:10.1111/cgf.12681). Its derivative is taken from neighboring
 //! rays, so that all shapes are alike, meshes with smooth normals included, and a chain is at every step one that the path tracer could
 //! have followed. The same derivative is how the chain focuses light (the generalized geometry term).
 //!
-//! Seeds are random: a random point of a random caster, glass reflecting by chance as it would for a path. How likely a seed leads to
+//! Seeds are random points of random casters. How likely a seed leads to
 //! the chain that was found is not known; the number of further seeds until one leads there again has its reciprocal as mean
 //! (Zeltner, Georgiev, Jakob 2020, "Specular Manifold Sampling", doi:10.1145/3386569.3392408, section 4.3). So the light of all chains is
 //! estimated without bias but for [`MAX_TRIALS`] and for facets seen under less than [`STEP`].
@@ -24,7 +24,7 @@ use crate::spectrum::Spectrum;
 use etendue_scene::desc::BsdfDesc;
 
 /// Most vertices of a chain.
-const MAX_CHAIN: u32 = 8;
+const MAX_CHAIN: u32 = 6;
 /// Angle between neighboring rays: small enough for curvatures, large enough for single precision.
 const STEP: f32 = 1e-3;
 /// Newton's steps before a seed is given up, and halvings of one step.
@@ -36,7 +36,7 @@ const TOLERANCE: f32 = 1e-4;
 const SAME: f32 = 2e-3;
 /// Seeds after which a chain counts as found again; chains less likely than the reciprocal lose light. The mean number of seeds
 /// is no more than the number of chains, whatever their probabilities.
-const MAX_TRIALS: u32 = 4096;
+const MAX_TRIALS: u32 = 2048;
 /// How often a seed's chain is taken at its full length; else it is cut somewhere, for lights inside of glass.
 const FULL_LENGTH: f32 = 0.8;
 
@@ -44,8 +44,8 @@ const FULL_LENGTH: f32 = 0.8;
 pub(super) struct Chains {
     /// (placement, first primitive, number of primitives) of the surfaces that make chains.
     casters: Vec<(u32, u32, u32)>,
-    /// Whether a material is only on casters.
-    is_caster: Vec<bool>,
+    /// What the materials of casters do to a chain; `None` for all others.
+    events: Vec<Option<Lobe>>,
     emission: EmissionSampler,
 }
 
@@ -58,13 +58,6 @@ pub(super) struct Start<'a> {
     pub wo: Vec3,
     /// The media on the side of `wo`.
     pub media: &'a MediumStack,
-}
-
-/// What happens along a chain: as many vertices, and bit i says that vertex i reflects.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct Events {
-    count: u32,
-    reflections: u32,
 }
 
 /// A chain.
@@ -81,7 +74,7 @@ struct Chain {
 #[derive(Clone, Copy, Debug)]
 struct Solution {
     w: Vec3,
-    events: Events,
+    vertices: u32,
     chain: Chain,
     /// Area across the last edge at its end per solid angle at the start; its sign is the orientation.
     determinant: f32,
@@ -89,7 +82,7 @@ struct Solution {
 
 impl Solution {
     fn is(&self, other: &Self) -> bool {
-        self.events == other.events
+        self.vertices == other.vertices
             && (self.w - other.w).length() < SAME
             && self.determinant.is_sign_positive() == other.determinant.is_sign_positive()
     }
@@ -98,24 +91,28 @@ impl Solution {
 impl Chains {
     /// Those of a scene.
     pub(super) fn new(scene: &Scene) -> Self {
-        let mut is_caster: Vec<bool> = scene.materials.iter().map(|m| is_specular(scene, &m.desc)).collect();
+        let mut events: Vec<Option<Lobe>> = scene.materials.iter().map(|m| event(scene, &m.desc)).collect();
         let mut casters = Vec::new();
         for (p, placement) in scene.placements.iter().enumerate() {
             let g = &scene.geometries[placement.geometry as usize];
             for (o, object) in g.objects.iter().enumerate() {
                 let first = object.first_primitive as usize;
                 let count = g.object_of_primitive.get(first..).unwrap_or_default().iter().take_while(|&&i| i as usize == o).count();
-                let Some(is_caster) = is_caster.get_mut(object.material as usize).filter(|c| **c) else { continue };
+                let Some(event) = events.get_mut(object.material as usize).filter(|e| e.is_some()) else { continue };
                 // No seed is on an unbounded surface: its material makes no chains.
-                let bounded = |i: usize| i.checked_sub(g.triangles.len()).is_none_or(|i| g.shapes[i].sample_area(Vec2::splat(0.5)).is_some());
-                *is_caster = (first..first + count).all(bounded);
+                let bounded =
+                    |i: usize| i.checked_sub(g.triangles.len()).is_none_or(|i| g.shapes[i].sample_area(Vec2::splat(0.5)).is_some());
+                if !(first..first + count).all(bounded) {
+                    *event = None;
+                }
                 if count > 0 {
                     casters.push((p as u32, object.material, first as u32, count as u32));
                 }
             }
         }
-        let casters = casters.into_iter().filter(|c| is_caster[c.1 as usize]).map(|(p, _, first, count)| (p, first, count)).collect();
-        Self { casters, is_caster, emission: EmissionSampler::new(scene) }
+        let casters =
+            casters.into_iter().filter(|c| events[c.1 as usize].is_some()).map(|(p, _, first, count)| (p, first, count)).collect();
+        Self { casters, events, emission: EmissionSampler::new(scene) }
     }
 
     /// Whether there are none.
@@ -123,9 +120,10 @@ impl Chains {
         self.casters.is_empty()
     }
 
-    /// Whether a surface does nothing but mirror and refract, and seeds find it.
-    fn is_caster(&self, s: &Surface) -> bool {
-        s.solid.is_none() && self.is_caster.get(s.material as usize).is_some_and(|c| *c)
+    /// What a surface does to a chain; `None` where it is no caster, or none that seeds find.
+    #[inline]
+    fn event(&self, s: &Surface) -> Option<Lobe> {
+        if s.solid.is_some() { None } else { *self.events.get(s.material as usize)? }
     }
 
     /// The vertices of the chain that a path has followed since its last rough surface, after one more scattering by a lobe: `None` where
@@ -135,13 +133,13 @@ impl Chains {
         if !lobe.contains(Lobe::DELTA) {
             return Some(0);
         }
-        chain.filter(|&n| n < MAX_CHAIN && !lobe.contains(Lobe::NULL) && self.is_caster(s)).map(|n| n + 1)
+        chain.filter(|&n| n < MAX_CHAIN && self.event(s).is_some_and(|event| lobe.contains(event))).map(|n| n + 1)
     }
 
     /// Whether [`Self::estimate`] has found the light of a surface that a path meets by such a chain.
     #[inline]
     pub(super) fn found(&self, scene: &Scene, chain: Option<u32>, s: &Surface) -> bool {
-        chain.is_some_and(|n| n > 0) && s.light(scene).is_some_and(|l| self.emission.pmf(l) > 0.0) && !self.is_caster(s)
+        chain.is_some_and(|n| n > 0) && s.light(scene).is_some_and(|l| self.emission.pmf(l) > 0.0) && self.event(s).is_none()
     }
 
     /// An unbiased estimate of the light that chains of up to `longest` vertices bring to a surface point and that it sends to the viewer,
@@ -159,7 +157,7 @@ impl Chains {
             _ => return None,
         };
         let to = match (&source, &scene.lights[light as usize]) {
-            (Some((surface, _)), _) if self.is_caster(surface) => return None,
+            (Some((surface, _)), _) if self.event(surface).is_some() => return None,
             (Some((surface, _)), _) => surface.p,
             (None, light) => light.position()?,
         };
@@ -196,8 +194,8 @@ impl Chains {
     /// A chain from a random seed to a point.
     fn solve(&self, scene: &Scene, start: &Start, to: Vec3, longest: u32, rng: &mut HashRng) -> Option<Solution> {
         let mut w = (self.seed(scene, rng)? - start.s.p).try_normalize()?;
-        let events = self.events(scene, start, w, longest, rng)?;
-        let follow = |w: Vec3| self.follow(scene, start, w, events);
+        let vertices = self.vertices(scene, start, w, longest, rng)?;
+        let follow = |w: Vec3| self.follow(scene, start, w, vertices);
         let mut chain = follow(w)?;
         for _ in 0..MAX_STEPS {
             let axis = (to - chain.o).try_normalize()?;
@@ -228,7 +226,7 @@ impl Chains {
             if now.length() < TOLERANCE * distance {
                 // Once more, so that the same chain is always told by its direction.
                 let (w, chain) = better(step).unwrap_or((w, chain));
-                return Some(Solution { w, events, chain, determinant });
+                return Some(Solution { w, vertices, chain, determinant });
             }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
@@ -260,33 +258,38 @@ impl Chains {
         Some(placement.world_from_object.map_or(local, |m| m.transform_point3(local)))
     }
 
-    /// What happens to a path along `w` that takes the lobes of glass by chance, until it meets something else or nothing.
-    fn events(&self, scene: &Scene, start: &Start, w: Vec3, longest: u32, rng: &mut HashRng) -> Option<Events> {
-        let mut events = Events { count: 0, reflections: 0 };
+    /// How many vertices the chain along `w` is to have: usually all until it meets something else or nothing.
+    fn vertices(&self, scene: &Scene, start: &Start, w: Vec3, longest: u32, rng: &mut HashRng) -> Option<u32> {
+        let mut count = 0;
         let mut ray = Ray::new(start.s.offset_origin(w), w);
-        while events.count < longest {
-            let Some(s) = scene.intersect(&ray).filter(|s| self.is_caster(s)) else { break };
-            let sample = shade(scene, &s, -ray.d).sample(-ray.d, rng.next_1d(), Vec2::splat(0.5), TransportMode::Radiance)?;
-            events.reflections |= u32::from(sample.lobe.contains(Lobe::REFLECTION)) << events.count;
-            events.count += 1;
-            ray = Ray::new(s.offset_origin(sample.wi), sample.wi);
+        while count < longest {
+            let Some((s, event)) = self.met(scene, &ray) else { break };
+            let (_, wi) = bounce(scene, &s, -ray.d, event)?;
+            ray = Ray::new(s.offset_origin(wi), wi);
+            count += 1;
         }
-        if events.count > 1 && rng.next_1d() >= FULL_LENGTH {
-            events.count = 1 + index(rng.next_1d(), events.count as usize - 1) as u32;
-            events.reflections &= (1 << events.count) - 1;
+        if count > 1 && rng.next_1d() >= FULL_LENGTH {
+            count = 1 + index(rng.next_1d(), count as usize - 1) as u32;
         }
-        (events.count > 0).then_some(events)
+        (count > 0).then_some(count)
     }
 
-    /// The chain along `w` with these events; `None` where it meets no casters or cannot have them.
-    fn follow(&self, scene: &Scene, start: &Start, w: Vec3, events: Events) -> Option<Chain> {
+    /// The chain along `w` with so many vertices; `None` where it has not so many.
+    fn follow(&self, scene: &Scene, start: &Start, w: Vec3, vertices: u32) -> Option<Chain> {
         let mut chain = Chain { o: start.s.offset_origin(w), d: w, value: Spectrum::ONE };
-        for i in 0..events.count {
-            let s = scene.intersect(&Ray::new(chain.o, chain.d)).filter(|s| self.is_caster(s))?;
-            let (value, wi) = bounce(scene, &s, -chain.d, events, i)?;
+        for _ in 0..vertices {
+            let (s, event) = self.met(scene, &Ray::new(chain.o, chain.d))?;
+            let (value, wi) = bounce(scene, &s, -chain.d, event)?;
             chain = Chain { o: s.offset_origin(wi), d: wi, value: chain.value * value };
         }
         Some(chain)
+    }
+
+    /// The caster that a ray meets first, if it is one.
+    #[inline]
+    fn met(&self, scene: &Scene, ray: &Ray) -> Option<(Surface, Lobe)> {
+        let s = scene.intersect(ray)?;
+        self.event(&s).map(|event| (s, event))
     }
 
     /// The share of light that media along a chain and its last edge let through.
@@ -297,13 +300,13 @@ impl Chains {
         if ray.d.dot(start.s.ng) * start.wo.dot(start.s.ng) < 0.0 {
             media.cross(scene, start.s, ray.d);
         }
-        for i in 0..solution.events.count {
-            let s = scene.intersect(&ray)?;
+        for _ in 0..solution.vertices {
+            let (s, event) = self.met(scene, &ray)?;
             if let Some(medium) = scene.medium(&media) {
                 through *= medium.transmittance(&ray, s.t, rng);
             }
-            let (_, wi) = bounce(scene, &s, -ray.d, solution.events, i)?;
-            if solution.events.reflections >> i & 1 == 0 {
+            let (_, wi) = bounce(scene, &s, -ray.d, event)?;
+            if event == Lobe::TRANSMISSION {
                 media.cross(scene, &s, wi);
             }
             ray = Ray::new(s.offset_origin(wi), wi);
@@ -315,30 +318,30 @@ impl Chains {
     }
 }
 
-/// Whether a material does nothing but mirror and refract.
-fn is_specular(scene: &Scene, desc: &BsdfDesc) -> bool {
+/// What a material does to a chain. Glass reflects as well, but little: to look for each of the many ways in which it can would cost more
+/// than to leave them to the path tracer.
+fn event(scene: &Scene, desc: &BsdfDesc) -> Option<Lobe> {
     match desc {
-        BsdfDesc::Dielectric { roughness: None, .. } | BsdfDesc::Conductor { roughness: None, .. } => true,
-        BsdfDesc::TwoSided { front, back } => [front, back].into_iter().all(|side| {
-            let desc = scene.materials.get(side.0 as usize).map(|m| &m.desc);
-            matches!(desc, Some(BsdfDesc::Conductor { roughness: None, .. }))
-        }),
-        _ => false,
+        BsdfDesc::Dielectric { roughness: None, .. } => Some(Lobe::TRANSMISSION),
+        BsdfDesc::Conductor { roughness: None, .. } => Some(Lobe::REFLECTION),
+        BsdfDesc::TwoSided { front, back } => {
+            let is_metal = |side: u32| {
+                let desc = scene.materials.get(side as usize).map(|m| &m.desc);
+                matches!(desc, Some(BsdfDesc::Conductor { roughness: None, .. }))
+            };
+            (is_metal(front.0) && is_metal(back.0)).then_some(Lobe::REFLECTION)
+        }
+        _ => None,
     }
 }
 
-fn shade(scene: &Scene, s: &Surface, wo: Vec3) -> Scatter {
-    scene.materials[s.material as usize].shade(scene, s, wo)
-}
-
-/// What vertex `i` of a chain does to the light, and where the chain goes on.
+/// What a vertex of a chain does to the light, and where the chain goes on.
 #[inline]
-fn bounce(scene: &Scene, s: &Surface, wo: Vec3, events: Events, i: u32) -> Option<(Spectrum, Vec3)> {
-    let reflects = events.reflections >> i & 1 == 1;
-    // Reflection is at the lower end of the lobe numbers, transmission at the upper.
-    let (u_lobe, lobe) = if reflects { (0.0, Lobe::REFLECTION) } else { (ONE_MINUS_EPSILON, Lobe::TRANSMISSION) };
-    let sample = shade(scene, s, wo).sample(wo, u_lobe, Vec2::splat(0.5), TransportMode::Radiance)?;
-    sample.lobe.contains(lobe.union(Lobe::DELTA)).then_some((sample.value, sample.wi))
+fn bounce(scene: &Scene, s: &Surface, wo: Vec3, event: Lobe) -> Option<(Spectrum, Vec3)> {
+    let scatter = scene.materials[s.material as usize].shade(scene, s, wo);
+    // Transmission is at the upper end of the lobe numbers; metal has reflection alone.
+    let sample = scatter.sample(wo, ONE_MINUS_EPSILON, Vec2::splat(0.5), TransportMode::Radiance)?;
+    sample.lobe.contains(event.union(Lobe::DELTA)).then_some((sample.value, sample.wi))
 }
 
 fn pair(rng: &mut HashRng) -> Vec2 {

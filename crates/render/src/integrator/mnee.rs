@@ -1,13 +1,13 @@
 //! Path tracing with manifold next-event estimation: light that comes to a surface through glass and from mirrors is looked for like
 //! light that comes straight.
 //!
-//! For each point of a rough surface a point of a light is sampled, and a chain of refractions and reflections that leads there is
-//! found from a random seed (`manifold`). Caustics of small lamps, and of point lights behind smooth glass, come out clean, also where they
-//! are seen in mirrors. All else is done as `path` does it: large lamps seen through glass cost more here, for the search is of no use
-//! there.
+//! For each point of a rough surface a point of a light is sampled, and a chain of refractions by glass and reflections by metal that
+//! leads there is found from a random seed (`manifold`). Caustics of small lamps, and of point lights behind smooth glass, come out
+//! without blur, also where they are seen in mirrors. All else is done as `path` does it: large lamps cost more here, for the search is of
+//! no use there.
 //!
-//! Not looked for, but found as by `path`: light of the sky and of the sun, chains of more than eight vertices, chains that start at a
-//! point of a medium, and rough glass.
+//! Not looked for, but found as by `path`: light of the sky and of the sun, light that glass reflects, chains of more than six vertices
+//! or from a point of a medium, and rough glass.
 
 use super::manifold::Chains;
 use super::{Estimate, Integrator, Path, Stage};

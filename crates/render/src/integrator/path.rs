@@ -169,9 +169,7 @@ impl Path {
                     }
                 }
             }
-            if CHAINS
-                && let Some(chains) = chains.filter(|_| !last_edge && scatter.is_smooth_anywhere())
-            {
+            if CHAINS && let Some(chains) = chains.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
                 let start = Start { s: &s, scatter: &scatter, wo, media: &media };
                 if let Some((light, group)) = chains.estimate(scene, &start, self.max_depth - depth - 1, &mut chain_rng) {
                     out.add(throughput * light, group);
