@@ -32,7 +32,6 @@ METHODS = {
     "bdpt": (24, None, 0.005),
     "vcm": (16, 1.0, 0.02),
     "mlt": (48, None, 0.01),
-    "mnee": (48, None, 0.01),
     "light": (48, None, 0.005),
     "sppm": (24, 1.0, 0.02),
     "photon": (24, 1.0, 0.05),
@@ -93,14 +92,14 @@ class Scene:
     unit: float = 1.0
 
 
-LIGHT_FROM_BOTH_ENDS = ["bdpt", "vcm", "mlt", "mnee", "sppm", "photon", "particles"]
+LIGHT_FROM_BOTH_ENDS = ["bdpt", "vcm", "mlt", "sppm", "photon", "particles"]
 DIFFUSE = [*LIGHT_FROM_BOTH_ENDS, "light", "radiosity"]
 SMALL = {
     "room": Scene(ROOM + LAMP + ball("-0.35, -0.6, 0", 0.4, "red") + END, DIFFUSE),
     "glass": Scene(ROOM + LAMP + GLASS + MIRROR + END, LIGHT_FROM_BOTH_ENDS),
     "fog": Scene(
         FOG + ROOM + LAMP + ball("0, -0.2, 0.1", 0.7, "none", inside='<ref name="interior" id="fog"/>') + END,
-        ["bdpt", "vcm", "mlt", "mnee", "sppm"],
+        ["bdpt", "vcm", "mlt", "sppm"],
     ),
     "furnace": Scene(
         HEAD.format(fov=35, eye="0, 0, 5", target="0, 0, 0")
@@ -108,10 +107,10 @@ SMALL = {
         + ball("1.2, -0.5, 0.3", 0.4, "glass")
         + '<emitter type="constant"><rgb name="radiance" value="1, 1, 1"/></emitter>'
         + END,
-        ["bdpt", "vcm", "mlt", "mnee", "sppm"],
+        ["bdpt", "vcm", "mlt", "sppm"],
     ),
 }
-SHARED = {"cornell": DIFFUSE, "caustic": ["bdpt", "vcm", "mlt", "sppm", "mnee"], "many-lights": ["bdpt", "vcm", "mlt", "light", "sppm"]}
+SHARED = {"cornell": DIFFUSE, "caustic": ["bdpt", "vcm", "mlt", "sppm"], "many-lights": ["bdpt", "vcm", "mlt", "light", "sppm"]}
 
 
 def fog_first(text: str) -> str:

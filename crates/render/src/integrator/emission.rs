@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use crate::accel::{Hit, Ray};
-use crate::light::{AreaLight, EmissionSample, Light, LightContext, LightSampler, LightSelection, SceneSphere};
+use crate::light::{Light, LightContext, LightSampler, LightSelection, SceneSphere};
 use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
 use crate::medium::MediumStack;
 use crate::scene::{Scene, Surface};
@@ -86,32 +86,16 @@ impl EmissionSampler {
         self.lights.pmf(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, light)
     }
 
-    /// A light for a random number in [0, 1), with its probability.
-    #[inline]
-    pub fn choose(&self, u: f32) -> Option<(u32, f32)> {
-        self.lights.sample(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, u)
-    }
-
-    /// A point of an area light with its density by area; `None` for other lights. Either side may shine.
-    pub fn point(&self, scene: &Scene, light: u32, u: Vec2) -> Option<(Surface, f32)> {
-        let Light::Area(area) = scene.lights.get(light as usize)? else { return None };
-        let sample = area.emit(&self.sphere, u, Vec2::splat(0.5))?;
-        let pdf = self.pdf_position(scene, light, sample.o) * if area.two_sided { 2.0 } else { 1.0 };
-        Some((Self::surface(scene, area, &sample), pdf))
-    }
-
-    fn surface(scene: &Scene, area: &AreaLight, sample: &EmissionSample) -> Surface {
-        let source = scene.light_sources[area.emission_id as usize];
-        let hit = Hit { t: 0.0, u: sample.uv.x, v: sample.uv.y, prim: source.primitive, instance: 0 };
-        scene.surface(&Ray::new(sample.o, sample.d), &hit)
-    }
-
     /// A ray for random numbers in [0, 1); `None` where nothing is emitted, which counts as a ray without power.
     pub fn sample(&self, scene: &Scene, u_light: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (light, pmf) = self.lights.sample(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, u_light)?;
         let sample = scene.lights[light as usize].emit(&self.sphere, u_position, u_direction)?;
         let surface = match &scene.lights[light as usize] {
-            Light::Area(area) => Some(Self::surface(scene, area, &sample)),
+            Light::Area(area) => {
+                let source = scene.light_sources[area.emission_id as usize];
+                let hit = Hit { t: 0.0, u: sample.uv.x, v: sample.uv.y, prim: source.primitive, instance: 0 };
+                Some(scene.surface(&Ray::new(sample.o, sample.d), &hit))
+            }
             _ => None,
         };
         let radiance = match (&scene.lights[light as usize], &surface) {

@@ -15,9 +15,7 @@ mod illuminance;
 pub mod irradiance;
 mod light;
 mod light_sampling;
-mod manifold;
 mod mlt;
-mod mnee;
 mod normals;
 mod particles;
 mod path;
@@ -37,7 +35,6 @@ pub use bdpt::Bdpt;
 pub use illuminance::Illuminance;
 pub use light::LightTracer;
 pub use mlt::Mlt;
-pub use mnee::Mnee;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
@@ -225,7 +222,6 @@ pub const NAMES: &[&str] = &[
     "bdpt",
     "vcm",
     "mlt",
-    "mnee",
     "light",
     "sppm",
     "photon",
@@ -269,7 +265,6 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
-        "mnee" => Box::new(Mnee::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true })),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),

@@ -10,7 +10,6 @@
 //! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
 use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
-use super::manifold::{Chains, Start};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Vertex};
 use crate::accel::Ray;
@@ -27,9 +26,6 @@ use crate::spectrum::Spectrum;
 
 /// A path that only ever crosses surfaces straight on ends after so many of them.
 const MAX_CROSSINGS: u32 = 1024;
-
-/// First dimension of the numbers that the search for chains takes: beyond those of any path.
-const CHAIN_DIMENSIONS: u32 = 5 << 16;
 
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
@@ -69,24 +65,16 @@ impl Cone {
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         if scene.has_media {
-            self.trace::<true, false>(scene, camera_ray, None, stream, out);
+            self.trace::<true>(scene, camera_ray, stream, out);
         } else {
-            self.trace::<false, false>(scene, camera_ray, None, stream, out);
+            self.trace::<false>(scene, camera_ray, stream, out);
         }
     }
 }
 
 impl Path {
-    /// Follows one path. `MEDIA`: whether there are any; `CHAINS`: whether light is looked for through glass and mirrors, by `chains`.
-    /// Compiled apart, so that scenes without pay nothing for them.
-    pub(super) fn trace<const MEDIA: bool, const CHAINS: bool>(
-        &self,
-        scene: &Scene,
-        camera_ray: &CameraRay,
-        chains: Option<&Chains>,
-        stream: &mut SampleStream,
-        out: &mut Estimate,
-    ) {
+    /// Follows one path. `MEDIA`: whether there are any; compiled apart, so that scenes without pay nothing for them.
+    fn trace<const MEDIA: bool>(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
         let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
@@ -95,9 +83,6 @@ impl Path {
         let mut eta_scale = 1.0f32;
         let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
         let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
-        let mut chain_rng = if CHAINS { stream.at(CHAIN_DIMENSIONS).rng() } else { HashRng::default() };
-        // Vertices of the chain since the last rough surface, where the search for chains finds the same.
-        let mut chain = None;
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
         loop {
@@ -123,7 +108,6 @@ impl Path {
                         cone.advance(t, 1.0);
                         cone.scatter(vertex.pdf);
                         last = vertex;
-                        chain = None;
                         depth += 1;
                         if !self.survives(depth, &mut throughput, eta_scale, stream.next_1d()) {
                             return;
@@ -143,9 +127,7 @@ impl Path {
             if scene.mipmap {
                 s.footprint = cone.advance(s.t, s.ng.dot(wo));
             }
-            if !(CHAINS && chains.is_some_and(|c| c.found(scene, chain, &s))) {
-                add_emission(scene, &s, wo, throughput, &last, depth, out);
-            }
+            add_emission(scene, &s, wo, throughput, &last, depth, out);
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             if depth == 0 {
                 camera_distance += s.t;
@@ -169,12 +151,6 @@ impl Path {
                     }
                 }
             }
-            if CHAINS && let Some(chains) = chains.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
-                let start = Start { s: &s, scatter: &scatter, wo, media: &media };
-                if let Some((light, group)) = chains.estimate(scene, &start, self.max_depth - depth - 1, &mut chain_rng) {
-                    out.add(throughput * light, group);
-                }
-            }
             let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
             let u_roulette = stream.next_1d();
             let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
@@ -189,7 +165,6 @@ impl Path {
             ray = Ray::new(o, sample.wi);
             if sample.lobe.contains(Lobe::NULL) {
                 crossings += 1;
-                chain = None;
                 if crossings > MAX_CROSSINGS {
                     return;
                 }
@@ -197,9 +172,6 @@ impl Path {
             }
             if last_edge {
                 return;
-            }
-            if CHAINS {
-                chain = chains.and_then(|c| c.after(chain, &s, sample.lobe));
             }
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);

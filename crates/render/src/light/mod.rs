@@ -191,15 +191,6 @@ impl Light {
         matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
     }
 
-    /// The place of a light that is a point.
-    pub fn position(&self) -> Option<Vec3> {
-        match self {
-            Self::Point(l) => Some(l.p),
-            Self::Spot(l) => Some(l.position()),
-            _ => None,
-        }
-    }
-
     /// Where a finite light is and where it shines; `None` for infinite lights and those that give nothing.
     pub fn bounds(&self) -> Option<LightBounds> {
         let bounds = match self {

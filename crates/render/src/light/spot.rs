@@ -48,11 +48,6 @@ impl SpotLight {
         })
     }
 
-    /// Where it is.
-    pub fn position(&self) -> Vec3 {
-        self.p
-    }
-
     /// The share of the intensity in a direction at the given cosine to the axis.
     pub fn falloff(&self, cos: f32) -> f32 {
         if cos >= self.cos_inner {

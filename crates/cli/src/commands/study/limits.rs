@@ -36,11 +36,6 @@ pub(super) fn limits(method: &str) -> &'static str {
             "Follows up the paths that carry light. Good at light that is hard to find; noise comes in blotches, and an important region may \
              be found late."
         }
-        "mnee" => {
-            "Path tracing that also looks for lamps through smooth glass and mirrors, by solving for the way of the light. Unbiased; caustics \
-             of small lamps and of point lights come out clean. Time is wasted where lamps are large; light of the sky, rough glass and \
-             smoke that a caustic crosses are as with path."
-        }
         "sppm" => {
             "Photons, collected over radii that shrink with the passes. Very good at caustics, in mirrors too; blurred while the radii are \
              large, weak where few photons come."
