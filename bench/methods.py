@@ -1,13 +1,13 @@
 """Do all methods make the same picture? Z-tests between them, on scenes that all of them can render.
 
-Renders each scene with `path` and with the other methods, with several seeds, and compares means over blocks of the picture: a difference is
-measured in its own standard error, found from the spread between seeds. Prints a Markdown table and ends with code 1 where any block of any method
-differs by more than chance (1% for the whole scene, Šidák's correction for its blocks) and the stated allowance explain.
+Renders each scene with `path` and with the other methods, with several seeds, and compares means over blocks of the picture: a
+difference is measured in its own standard error, found from the spread between seeds. Prints a Markdown table and ends with code 1 where any
+block of any method differs by more than chance (1% for the whole scene, Šidák's correction for its blocks) and the stated allowance explain.
 
 Methods with a blur (`sppm`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
 `sppm` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
 
-    python bench/methods.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seeds 8] [--effort 1] [--scene NAME ...] [--method NAME ...]
+    python bench/methods.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seeds 8] [--effort 1] [--scene NAME] [--method NAME]
 
 SCENES_FOLDER may hold cornell.xml, caustic.xml and many-lights.xml; without it the small scenes of this file alone are rendered.
 Needs numpy only.
@@ -149,7 +149,21 @@ class Runner:
         """Return the blocks of one picture."""
         out = self.folder / "out.pfm"
         size = ["--width", str(WIDTH), "--height", str(HEIGHT), "--filter", "box", "--max-depth", str(self.args.depth)]
-        run = [self.args.etendue, "render", str(scene), "--integrator", method, *size, "--spp", str(spp), "--seed", str(seed), "-q", "-o", str(out)]
+        run = [
+            self.args.etendue,
+            "render",
+            str(scene),
+            "--integrator",
+            method,
+            *size,
+            "--spp",
+            str(spp),
+            "--seed",
+            str(seed),
+            "-q",
+            "-o",
+            str(out),
+        ]
         subprocess.run([*run, *extra], check=True, stderr=subprocess.PIPE)
         return blocks(read_pfm(out))
 
@@ -162,7 +176,8 @@ class Runner:
         for i in range(self.args.seeds):
             if method in BLURRED and radius is not None:
                 wide, narrow = (
-                    self.render(scene, method, spp, first + 2 * i + k, ["--photon-radius", str(0.08 * unit / (1 + k)), *photons(method)]) for k in (0, 1)
+                    self.render(scene, method, spp, first + 2 * i + k, ["--photon-radius", str(0.08 * unit / (1 + k)), *photons(method)])
+                    for k in (0, 1)
                 )
                 factor = 2.0 ** BLURRED[method]
                 found.append((factor * narrow - wide) / (factor - 1.0))
