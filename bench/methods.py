@@ -1,8 +1,9 @@
 """Do all methods make the same picture? Z-tests between them, on scenes that all of them can render.
 
 Renders each scene with `path` and with the other methods, with several seeds, and compares means over blocks of the picture: a
-difference is measured in its own standard error, found from the spread between seeds. Prints a Markdown table and ends with code 1 where any
-block of any method differs by more than chance (1% for the whole scene, Šidák's correction for its blocks) and the stated allowance explain.
+difference is measured in its own standard error, found from the spread between seeds. Prints a Markdown table, and ends with code 1 where
+any block of any method differs by more than chance (1% for the whole scene, Šidák's correction for its blocks) and the stated
+allowance explain.
 
 Methods with a blur (`sppm`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
 `sppm` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
