@@ -194,6 +194,20 @@ fn lights_of_all_kinds() {
     }
 }
 
+/// A floor without end is lit by the sky beyond the sphere that holds all else, to where no walk from a light comes.
+#[test]
+fn floors_without_end() {
+    let mut desc = scene();
+    let (gray, red) = (diffuse(&mut desc, 0.5), diffuse(&mut desc, 0.8));
+    shape(&mut desc, GeometryDesc::Plane, Mat4::IDENTITY, Some(gray));
+    sphere(&mut desc, Vec3::new(0.0, 0.0, 0.6), 0.5, Some(red));
+    constant_sky(&mut desc, 0.8);
+    add(&mut desc, LightDesc::Directional { direction: Vec3::new(-0.5, 1.0, -1.0), irradiance: [1.0; 3] });
+    perspective(&mut desc, Vec3::new(0.0, -6.0, 2.0), Vec3::new(0.0, 0.0, 0.4), 50.0);
+    let path = reference(&desc, &base(256));
+    assert_same("bdpt floor", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.1);
+}
+
 #[test]
 fn many_lights() {
     let mut desc = scene();
@@ -279,13 +293,8 @@ fn white_furnace() {
     }
 }
 
-/// Shading normals that are not the geometric ones, and normals that depend on the viewer.
-#[test]
-fn interpolated_normals_and_bumps() {
-    let mut desc = scene();
-    let white = room(&mut desc);
-    // A coarse ball with smooth normals.
-    let (columns, rows) = (8u32, 5u32);
+/// A coarse ball of radius 0.7 with smooth normals.
+fn coarse_ball(desc: &mut SceneDesc, columns: u32, rows: u32) -> GeometryDesc {
     let mut mesh = MeshData::default();
     for y in 0..=rows {
         for x in 0..columns {
@@ -302,8 +311,16 @@ fn interpolated_normals_and_bumps() {
             mesh.triangles.push([at(x, y), at(x + 1, y + 1), at(x + 1, y)]);
         }
     }
-    let mesh = add(&mut desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
-    let geometry = GeometryDesc::Mesh { mesh, face_normals: false, smooth: false };
+    let mesh = add(desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
+    GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }
+}
+
+/// Shading normals that are not the geometric ones, and normals that depend on the viewer.
+#[test]
+fn interpolated_normals_and_bumps() {
+    let mut desc = scene();
+    let white = room(&mut desc);
+    let geometry = coarse_ball(&mut desc, 8, 5);
     let two_sided = bsdf(&mut desc, BsdfDesc::TwoSided { front: white, back: white });
     shape(&mut desc, geometry, Mat4::from_translation(Vec3::new(0.0, 0.0, 0.9)), Some(two_sided));
     let light = rectangle(&mut desc, Vec3::new(0.3, 0.0, 2.9), [0.8, 0.5], true, Some(white));

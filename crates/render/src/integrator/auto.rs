@@ -138,7 +138,11 @@ impl Integrator for Auto {
         } else {
             format!("path tracing has {:.1} times less noise in a pilot", 1.0 / ratio.max(1e-9))
         };
-        let name = if self.uses_photons { "photon mapping (sppm)" } else { "path tracing" };
+        let name = if self.uses_photons {
+            "photon mapping (sppm), which is biased: it blurs caustics and indirect light a little, less with each pass"
+        } else {
+            "path tracing"
+        };
         self.notes = vec![format!("auto: {name}; {percent:.2}% of the light is focused by mirrors or glass, and {compared}")];
         if self.uses_photons {
             self.sppm.prepare(scene, stage)?;

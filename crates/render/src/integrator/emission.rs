@@ -133,6 +133,16 @@ impl EmissionSampler {
         }
     }
 
+    /// Whether rays of infinite lights along the unit direction `d` come to a point: those leave a disk that covers the scene's sphere alone.
+    #[inline]
+    pub fn reaches(&self, p: Vec3, d: Vec3) -> bool {
+        let from = p - self.sphere.center;
+        let along = from.dot(d);
+        // The sphere may end at a corner of the scene, which rounding must not put outside.
+        let radius = self.sphere.radius * (1.0 + 1e-4);
+        along >= -radius && (from - d * along).length_squared() <= radius * radius
+    }
+
     /// The density per solid angle of a ray's unit direction `d`, given the light and (for area lights) its normal at the start,
     /// either side's. 1 where it is a delta.
     pub fn pdf_direction(&self, scene: &Scene, light: u32, n: Vec3, d: Vec3) -> f32 {

@@ -51,14 +51,16 @@ pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart
 
 impl Bidirectional {
     /// The light's densities for a path that ends on it: of joint 0 by emission, and of joint 1 with cosine `cos` to the light's ray.
-    /// `d` is the direction in which the light leaves.
+    /// `d` is the direction in which the light leaves, `p` the light's point, for infinite lights joint 1.
     #[expect(clippy::too_many_arguments, reason = "private; the numbers of one end of a path")]
     fn emission_densities(&self, scene: &Scene, light: u32, p: Vec3, n: Vec3, d: Vec3, cos: f32, distance_2: f32) -> (f32, f32) {
         let Some(emission) = &self.emission else { return (0.0, 0.0) };
         let pmf = emission.pmf(light);
         let (position, direction) = (emission.pdf_position(scene, light, p), emission.pdf_direction(scene, light, n, d));
         if scene.lights[light as usize].is_infinite() {
-            (pmf * direction, position * cos)
+            // Surfaces without end lie where the sphere's light does not go: only the camera's walk makes such paths.
+            let reached = emission.reaches(p, d);
+            (pmf * direction, if reached { position * cos } else { 0.0 })
         } else {
             (pmf * position, direction * cos / distance_2)
         }
@@ -109,7 +111,7 @@ impl Bidirectional {
             let weight = before.map_or(1.0, |before| {
                 let ctx = before.context();
                 let cos = before.cos(e.d);
-                let (own, first) = self.emission_densities(scene, light, Vec3::ZERO, Vec3::ZERO, -e.d, cos, 1.0);
+                let (own, first) = self.emission_densities(scene, light, before.p, Vec3::ZERO, -e.d, cos, 1.0);
                 joints.clear();
                 joints.push(Joint { light: own, camera: e.pdf, connectible: true });
                 push_camera_joints(joints, walk, before, first, None);
