@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
+import math
 import os
 import secrets
 import signal
@@ -22,7 +24,7 @@ from etendue.farm.errors import FarmError, InvalidError
 from etendue.farm.jobs import JobFilter
 from etendue.farm.remote import RemoteFarm
 from etendue.farm.service import Farm, scheduler_is_up
-from etendue.farm.spec import JobSpec, Setting
+from etendue.farm.spec import MAX_RUNS, JobSpec, Setting
 from etendue.farm.states import JOB_ENDED, JobState, Role
 from etendue.farm.views import JobDetail, JobView, View
 
@@ -189,6 +191,8 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "defines": dict(args.define),
         "variant": args.variant,
         "gltf_scene": args.gltf_scene,
+        "command": "study" if args.study else "render",
+        "runs": _runs(args.study),
         "frames": args.frames,
         "last_frame": args.last_frame,
         "clocks": args.clocks,
@@ -209,6 +213,18 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
     return check_spec(content)
 
 
+def _runs(axes: list[tuple[str, str]]) -> list[dict[str, Setting]]:
+    """Return all combinations of the values that the axes of a study have; the last axis changes fastest."""
+    if not axes:
+        return []
+    values = [[_setting(v) for v in text.split(",") if v] for _, text in axes]
+    count = math.prod(map(len, values))
+    if not 1 <= count <= MAX_RUNS:
+        raise InvalidError(f"a study has 1 to {MAX_RUNS} runs, not {count}")
+    names = [name.replace("-", "_") for name, _ in axes]
+    return [dict(zip(names, run, strict=True)) for run in itertools.product(*values)]
+
+
 def _setting(text: str) -> Setting:
     """Return a value of the command line as what it looks like."""
     if text in ("true", "false"):
@@ -227,7 +243,7 @@ def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: 
         path = by_format.get(output.format)
         if path is None:
             continue
-        if job.kind == "animation":
+        if job.kind != "still":
             path = path.with_name(f"{path.stem}.{output.frame:04d}{path.suffix}")
         _copy_output(farm, actor, job.id, output.name, path)
         written.append(path)
@@ -560,6 +576,14 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("--gltf-scene", help="scene of a glTF file")
     add("--crop", type=_numbers(int, 4), metavar="X0,Y0,X1,Y1", help="only these pixels")
     add("--aov", action="append", default=[], metavar="NAMES", help="auxiliary outputs, as of `etendue render`")
+    add(
+        "--study",
+        action="append",
+        default=[],
+        type=_define,
+        metavar="SETTING=VALUES",
+        help="a picture for each value, such as integrator=path,bdpt; given several times, for each combination",
+    )
     add("--frames", metavar="LIST", help="frames of an animation: 1-48, 1-100x5, 1,4,10-12")
     add("--last-frame", type=int, metavar="N", help="the animation's last frame, where --frames does not go up to it")
     add(
