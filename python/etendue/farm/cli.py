@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any, cast
 
 import etendue
-from etendue.farm import collect, runner
+from etendue.farm import collect, openjd, runner
 from etendue.farm.accounts import Actor
 from etendue.farm.errors import FarmError, InvalidError
-from etendue.farm.jobs import JobFilter
+from etendue.farm.jobs import JobFilter, check_spec
 from etendue.farm.remote import RemoteFarm
 from etendue.farm.service import Farm, scheduler_is_up
 from etendue.farm.spec import MAX_RUNS, JobSpec, Setting
@@ -178,7 +178,7 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
     for parameter in etendue.parameters():
         value = getattr(args, f"set_{parameter.name}", None)
         if value is not None:
-            settings[parameter.name] = _setting(value)
+            settings[parameter.name] = openjd.setting(value)
     stop = {"noise": args.noise, "secs": args.time, "cost": args.cost}
     stop["core_secs"] = None if args.core_hours is None else args.core_hours * 3600.0
     content: dict[str, Any] = {
@@ -208,8 +208,6 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "notify": args.notify,
         "unit_secs": args.unit_secs,
     }
-    from etendue.farm.jobs import check_spec
-
     return check_spec(content)
 
 
@@ -217,22 +215,12 @@ def _runs(axes: list[tuple[str, str]]) -> list[dict[str, Setting]]:
     """Return all combinations of the values that the axes of a study have; the last axis changes fastest."""
     if not axes:
         return []
-    values = [[_setting(v) for v in text.split(",") if v] for _, text in axes]
+    values = [[openjd.setting(v) for v in text.split(",") if v] for _, text in axes]
     count = math.prod(map(len, values))
     if not 1 <= count <= MAX_RUNS:
         raise InvalidError(f"a study has 1 to {MAX_RUNS} runs, not {count}")
     names = [name.replace("-", "_") for name, _ in axes]
     return [dict(zip(names, run, strict=True)) for run in itertools.product(*values)]
-
-
-def _setting(text: str) -> Setting:
-    """Return a value of the command line as what it looks like."""
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text
 
 
 def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: list[Path], *, quiet: bool) -> list[Path]:
@@ -264,6 +252,41 @@ def _copy_output(farm: Farm | RemoteFarm, actor: Actor, job: int, name: str, pat
         except BaseException:
             Path(part.name).unlink(missing_ok=True)
             raise
+
+
+# ---- templates ----
+
+
+def _export(args: argparse.Namespace) -> int:
+    with _farm(args) as (farm, actor):
+        job = farm.jobs.get(actor, args.job)
+        template = openjd.export_job(JobSpec.model_validate(job.spec), job.scene, job.name)
+    text = json.dumps(template, indent=2) + "\n"
+    if args.output is None:
+        print(text, end="")
+    else:
+        Path(args.output).write_text(text, encoding="utf-8")
+    return 0
+
+
+def _import(args: argparse.Namespace) -> int:
+    steps = openjd.import_template(Path(args.template), dict(args.parameter))
+    made: dict[str, JobDetail] = {}
+    with _farm(args) as (farm, actor):
+        for step in steps:
+            raw = etendue.load(
+                step.scene, defines=dict(step.order["defines"]), variant=step.order["variant"], scene=step.order["gltf_scene"]
+            )
+            folder, paths = collect.scene_files(step.scene, raw.info()["files"], args.include, everything=args.all)
+            package = farm.add_folder(actor, folder, paths, step.scene.name)
+            needs = [made[name].id for name in step.needs]
+            order = {**step.order, "package": package.id, "scene": step.scene.name, "needs": needs, "priority": args.priority}
+            made[step.step] = farm.jobs.submit(actor, check_spec(order))
+            if not args.quiet:
+                job = made[step.step]
+                _say(f"job {job.id}: `{job.name}`, {job.frames_total} frame(s)")
+        _print(args, {name: job.id for name, job in made.items()}, lambda: "\n".join(str(job.id) for job in made.values()))
+    return 0
 
 
 # ---- waiting and fetching ----
@@ -536,6 +559,14 @@ def _parser() -> argparse.ArgumentParser:
     priority = command("priority", _steer("priority"), "change a job's priority", job=True)
     priority.add_argument("priority", type=int, help="-100 to 100; higher goes first")
     command("delete", _delete, "delete a job that has ended, with its films and pictures", job=True)
+    export = command("export", _export, "write a job as an Open Job Description template", job=True)
+    export.add_argument("-o", "--output", metavar="FILE", help="where to [default: standard output]")
+    importing = command("import", _import, "order what an Open Job Description template renders")
+    importing.add_argument("template", help="YAML or JSON; its steps run `etendue render`")
+    importing.add_argument("-p", "--parameter", action="append", default=[], type=_define, metavar="NAME=VALUE", help="of the template")
+    importing.add_argument("--include", action="append", default=[], metavar="PATTERN", help="as of `submit`")
+    importing.add_argument("--all", action="store_true", help="all files of the scenes' folders")
+    importing.add_argument("--priority", type=int, default=0, help="-100 to 100; higher goes first")
     nodes = command("nodes", _nodes, "show the machines")
     nodes.add_argument("--all", action="store_true", help="those that are gone as well")
     log = command("log", _log, "show what has happened")

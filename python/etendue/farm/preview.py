@@ -64,17 +64,22 @@ class Previews:
         return [frame for frame, canvas in self._canvases.items() if canvas.is_new and now - canvas.written_at >= EVERY_SECS]
 
     def png(self, frame: int) -> bytes:
-        """Return a frame's preview; pixels without samples are those of the probe, or black where that is gone."""
+        """Return a frame's preview."""
         canvas = self._canvases[frame]
         canvas.is_new = False
         canvas.written_at = time.monotonic()
-        picture = (canvas.sums / np.maximum(canvas.weights, 1.0)).astype(np.float32)
+        return pictures.png(pictures.display(self.pixels(frame), "rgb"))
+
+    def pixels(self, frame: int) -> NDArray[np.float32]:
+        """Return a frame as it is now, small; pixels without samples are those of the probe, or black where that is gone."""
+        canvas = self._canvases[frame]
+        picture: NDArray[np.float32] = (canvas.sums / np.maximum(canvas.weights, 1.0)).astype(np.float32)
         probe = self._probes.get(frame)
         if probe is not None:
             height, width, _ = picture.shape
-            rows, columns = (np.arange(n) * m // n for n, m in zip((height, width), probe.shape, strict=False))
+            rows, columns = np.arange(height) * probe.shape[0] // height, np.arange(width) * probe.shape[1] // width
             picture = np.where(canvas.weights > 0, picture, probe[rows][:, columns].astype(np.float32))
-        return pictures.png(pictures.display(picture, "rgb"))
+        return picture
 
     def drop(self, frame: int) -> None:
         """Forget a frame."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -195,9 +196,13 @@ class JobSpec(BaseModel):
 
     def clock(self, number: int) -> float:
         """Return `clock` of a frame: from the first value at frame 1 to the second at the last frame."""
+        return self.clock_of([number])[0]
+
+    def clock_of(self, numbers: Iterable[int]) -> list[float]:
+        """Return `clock` of each of some frames."""
         first, last = self.clocks
         final = self.final()
-        return first if final <= 1 else first + (last - first) * ((number - 1) / (final - 1))
+        return [first if final <= 1 else first + (last - first) * ((n - 1) / (final - 1)) for n in numbers]
 
     def settings_of(self, number: int) -> dict[str, Setting | None]:
         """Return the settings of a frame, or of a study's run."""
