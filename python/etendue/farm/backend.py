@@ -124,6 +124,10 @@ class LocalBackend:
                 self._ended.put(Ended(name, order.key, done))
 
     def submit(self, worker: str, order: Order) -> None:  # noqa: D102
+        if worker not in self._workers:
+            # Lost while it had nothing to do: whoever gives it work learns of it now, as on a real cluster.
+            self._ended.put(Ended(worker, order.key, None, "the worker has died"))
+            return
         self._busy[worker] = order.key
         self._workers[worker][2].put(order)
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import json
+import math
 import os
 import secrets
 import signal
@@ -16,25 +18,35 @@ from pathlib import Path
 from typing import Any, cast
 
 import etendue
-from etendue.farm import collect, runner
+from etendue.farm import arguments, collect, openjd, runner
 from etendue.farm.accounts import Actor
 from etendue.farm.errors import FarmError, InvalidError
-from etendue.farm.jobs import JobFilter
+from etendue.farm.jobs import JobFilter, check_spec
 from etendue.farm.remote import RemoteFarm
 from etendue.farm.service import Farm, scheduler_is_up
-from etendue.farm.spec import JobSpec, Setting
+from etendue.farm.spec import MAX_RUNS, JobSpec, Setting
 from etendue.farm.states import JOB_ENDED, JobState, Role
 from etendue.farm.views import JobDetail, JobView, View
 
 EXIT_FAILED, EXIT_CANCELLED, EXIT_APPROVAL, EXIT_TIMEOUT, EXIT_INTERRUPTED = 20, 21, 22, 23, 130
 _BY_STATE = {JobState.DONE: 0, JobState.FAILED: EXIT_FAILED, JobState.CANCELLED: EXIT_CANCELLED, JobState.APPROVAL: EXIT_APPROVAL}
-# Settings of the renderer that other flags of `submit` stand for.
-_OWN = {"name", "frames", "crop", "aov", "priority"}
 
 
 def main(argv: list[str]) -> int:
     """Run `etendue farm` with these arguments and return the exit code."""
-    args = _parser().parse_args(argv)
+    run = {name: _steer(name) for name in ("cancel", "pause", "resume", "approve", "retry", "priority")}
+    run |= {
+        "up": _up,
+        "submit": _submit,
+        "status": _status,
+        "wait": _wait,
+        "fetch": _fetch,
+        "delete": _delete,
+        "nodes": _nodes,
+        "log": _log,
+    }
+    run |= {"cost": _cost, "user": _user, "export": _export, "import": _import}
+    args = arguments.parser(run).parse_args(argv)
     try:
         return int(args.run(args))
     except FarmError as e:
@@ -176,7 +188,7 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
     for parameter in etendue.parameters():
         value = getattr(args, f"set_{parameter.name}", None)
         if value is not None:
-            settings[parameter.name] = _setting(value)
+            settings[parameter.name] = openjd.setting(value)
     stop = {"noise": args.noise, "secs": args.time, "cost": args.cost}
     stop["core_secs"] = None if args.core_hours is None else args.core_hours * 3600.0
     content: dict[str, Any] = {
@@ -189,6 +201,8 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "defines": dict(args.define),
         "variant": args.variant,
         "gltf_scene": args.gltf_scene,
+        "command": "study" if args.study else "render",
+        "runs": _runs(args.study),
         "frames": args.frames,
         "last_frame": args.last_frame,
         "clocks": args.clocks,
@@ -204,19 +218,19 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "notify": args.notify,
         "unit_secs": args.unit_secs,
     }
-    from etendue.farm.jobs import check_spec
-
     return check_spec(content)
 
 
-def _setting(text: str) -> Setting:
-    """Return a value of the command line as what it looks like."""
-    if text in ("true", "false"):
-        return text == "true"
-    for kind in (int, float):
-        with contextlib.suppress(ValueError):
-            return kind(text)
-    return text
+def _runs(axes: list[tuple[str, str]]) -> list[dict[str, Setting]]:
+    """Return all combinations of the values that the axes of a study have; the last axis changes fastest."""
+    if not axes:
+        return []
+    values = [[openjd.setting(v) for v in text.split(",") if v] for _, text in axes]
+    count = math.prod(map(len, values))
+    if not 1 <= count <= MAX_RUNS:
+        raise InvalidError(f"a study has 1 to {MAX_RUNS} runs, not {count}")
+    names = [name.replace("-", "_") for name, _ in axes]
+    return [dict(zip(names, run, strict=True)) for run in itertools.product(*values)]
 
 
 def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: list[Path], *, quiet: bool) -> list[Path]:
@@ -227,7 +241,7 @@ def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: 
         path = by_format.get(output.format)
         if path is None:
             continue
-        if job.kind == "animation":
+        if job.kind != "still":
             path = path.with_name(f"{path.stem}.{output.frame:04d}{path.suffix}")
         _copy_output(farm, actor, job.id, output.name, path)
         written.append(path)
@@ -248,6 +262,41 @@ def _copy_output(farm: Farm | RemoteFarm, actor: Actor, job: int, name: str, pat
         except BaseException:
             Path(part.name).unlink(missing_ok=True)
             raise
+
+
+# ---- templates ----
+
+
+def _export(args: argparse.Namespace) -> int:
+    with _farm(args) as (farm, actor):
+        job = farm.jobs.get(actor, args.job)
+        template = openjd.export_job(JobSpec.model_validate(job.spec), job.scene, job.name)
+    text = json.dumps(template, indent=2) + "\n"
+    if args.output is None:
+        print(text, end="")
+    else:
+        Path(args.output).write_text(text, encoding="utf-8")
+    return 0
+
+
+def _import(args: argparse.Namespace) -> int:
+    steps = openjd.import_template(Path(args.template), dict(args.parameter))
+    made: dict[str, JobDetail] = {}
+    with _farm(args) as (farm, actor):
+        for step in steps:
+            raw = etendue.load(
+                step.scene, defines=dict(step.order["defines"]), variant=step.order["variant"], scene=step.order["gltf_scene"]
+            )
+            folder, paths = collect.scene_files(step.scene, raw.info()["files"], args.include, everything=args.all)
+            package = farm.add_folder(actor, folder, paths, step.scene.name)
+            needs = [made[name].id for name in step.needs]
+            order = {**step.order, "package": package.id, "scene": step.scene.name, "needs": needs, "priority": args.priority}
+            made[step.step] = farm.jobs.submit(actor, check_spec(order))
+            if not args.quiet:
+                job = made[step.step]
+                _say(f"job {job.id}: `{job.name}`, {job.frames_total} frame(s)")
+        _print(args, {name: job.id for name, job in made.items()}, lambda: "\n".join(str(job.id) for job in made.values()))
+    return 0
 
 
 # ---- waiting and fetching ----
@@ -468,143 +517,3 @@ def _table(rows: list[list[str]]) -> str:
     clean = [["".join(c if c.isprintable() else "?" for c in cell)[:60] for cell in row] for row in rows]
     widths = [max(len(row[i]) for row in clean) for i in range(len(clean[0]))]
     return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in clean)
-
-
-# ---- arguments ----
-
-
-def _parser() -> argparse.ArgumentParser:
-    common = argparse.ArgumentParser(add_help=False)
-    common.add_argument("--farm", metavar="FOLDER", help="the farm's folder [default: $ETENDUE_FARM, else one in your folder for data]")
-    common.add_argument("--url", metavar="URL", help="the console of a farm elsewhere [default: $ETENDUE_FARM_URL, else the folder]")
-    common.add_argument("--token-file", metavar="FILE", help="file with the API token for --url [default: $ETENDUE_FARM_TOKEN]")
-    common.add_argument("--json", action="store_true", help="answers as JSON on standard output")
-    common.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors and answers")
-    parser = argparse.ArgumentParser(prog="etendue farm", description="Render on many machines.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-
-    def command(name: str, run: Callable[[argparse.Namespace], int], text: str, *, job: bool = False) -> argparse.ArgumentParser:
-        made = commands.add_parser(name, parents=[common], help=text, description=text)
-        made.set_defaults(run=run)
-        if job:
-            made.add_argument("job", type=int, help="number of the job")
-        return made
-
-    up = command("up", _up, "run the farm on this machine, or on a Ray cluster, until Ctrl-C")
-    _add_cluster(up)
-    up.add_argument("--host", default="127.0.0.1", help="address at which the console listens [default: 127.0.0.1, this machine alone]")
-    up.add_argument("--port", type=int, help="port of the console; 0 takes a free one [default: 8640]")
-    up.add_argument("--host-name", action="append", default=[], metavar="NAME", help="host name under which browsers reach the console")
-    up.add_argument("--https", action="store_true", help="a proxy in front of the console speaks TLS")
-    up.add_argument("--proxies", default="", metavar="ADDRESSES", help="proxies that may tell a client's address, with commas between")
-    up.add_argument("--no-console", action="store_true", help="run the scheduler alone")
-    _add_submit(command("submit", _submit, "order a picture or an animation"))
-    status = command("status", _status, "show the farm and its jobs, or one job with its frames")
-    status.add_argument("job", type=int, nargs="?", help="number of a job")
-    status.add_argument("--state", action="append", default=[], choices=[s.value for s in JobState], help="only jobs in this state")
-    status.add_argument("--owner", help="only jobs of this user")
-    status.add_argument("--text", help="only jobs with this in their name or scene")
-    status.add_argument("--limit", type=int, default=50, help="most rows [default: 50]")
-    wait = command("wait", _wait, "wait until a job ends or needs approval", job=True)
-    wait.add_argument("--timeout", type=float, metavar="SECONDS", help="wait no longer")
-    fetch = command("fetch", _fetch, "copy a job's finished pictures here", job=True)
-    fetch.add_argument("-o", "--output", default=".", metavar="FOLDER", help="where to [default: here]")
-    fetch.add_argument("--frame", type=int, help="only of this frame")
-    command("cancel", _steer("cancel"), "end a job; what is done stays", job=True)
-    command("pause", _steer("pause"), "begin no more units of a job", job=True)
-    command("resume", _steer("resume"), "go on with a paused job", job=True)
-    command("approve", _steer("approve"), "let the frames go that wait for approval", job=True)
-    retry = command("retry", _steer("retry"), "try again what has failed or was cancelled", job=True)
-    retry.add_argument("--frame", type=int, help="only of this frame")
-    retry.add_argument("--unit", type=int, help="only this unit")
-    priority = command("priority", _steer("priority"), "change a job's priority", job=True)
-    priority.add_argument("priority", type=int, help="-100 to 100; higher goes first")
-    command("delete", _delete, "delete a job that has ended, with its films and pictures", job=True)
-    nodes = command("nodes", _nodes, "show the machines")
-    nodes.add_argument("--all", action="store_true", help="those that are gone as well")
-    log = command("log", _log, "show what has happened")
-    log.add_argument("job", type=int, nargs="?", help="number of a job")
-    log.add_argument("--limit", type=int, default=50, help="most lines [default: 50]")
-    cost = command("cost", _cost, "show what was spent")
-    cost.add_argument("--by", choices=["user", "job", "day"], default="job", help="what to sum by [default: job]")
-    user = command("user", _user, "users of the console and the API")
-    user.add_argument("action", choices=["list", "add", "passwd", "token"], help="passwords are read from standard input")
-    user.add_argument("name", nargs="?", help="the user")
-    user.add_argument("--role", choices=[r.value for r in Role], default=Role.ARTIST.value, help="of a new user [default: artist]")
-    user.add_argument("--days", type=float, help="how long a token is valid")
-    return parser
-
-
-def _add_cluster(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--address", help="join the Ray cluster at this address, such as auto [default: start one on this machine]")
-    parser.add_argument("--cores", type=int, help="cores of the cluster that is started [default: all]")
-
-
-def _add_submit(parser: argparse.ArgumentParser) -> None:
-    add = parser.add_argument
-    add("scene", help="the scene file; files that it names in its folder go with it")
-    add(
-        "-o",
-        "--output",
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="with --wait: write the picture here; may be given several times",
-    )
-    add("--wait", action="store_true", help="wait for the end; where no farm is running, one is started for this job")
-    add("--name", help="what the list of jobs shows")
-    add("--include", action="append", default=[], metavar="PATTERN", help="further files of the scene's folder, such as 'maps/*.png'")
-    add("--all", action="store_true", help="all files of the scene's folder")
-    add("-D", "--define", action="append", default=[], type=_define, metavar="KEY=VALUE", help="as of `etendue render`")
-    add("--variant", help="material variant of a glTF file")
-    add("--gltf-scene", help="scene of a glTF file")
-    add("--crop", type=_numbers(int, 4), metavar="X0,Y0,X1,Y1", help="only these pixels")
-    add("--aov", action="append", default=[], metavar="NAMES", help="auxiliary outputs, as of `etendue render`")
-    add("--frames", metavar="LIST", help="frames of an animation: 1-48, 1-100x5, 1,4,10-12")
-    add("--last-frame", type=int, metavar="N", help="the animation's last frame, where --frames does not go up to it")
-    add(
-        "--clocks", type=_numbers(float, 2), default=(0.0, 1.0), metavar="FIRST,LAST", help="`clock` of frame 1 and the last [default: 0,1]"
-    )
-    add("--format", default="exr", metavar="NAMES", help="files to make: exr, png, jpg, hdr, pfm, film [default: exr, or as -o]")
-    add("--exposure", type=float, default=0.0, help="of PNG and JPEG, in stops")
-    add("--tonemap", default="standard", help="of PNG and JPEG: standard, filmic, aces, agx")
-    add("--noise", type=float, metavar="ERROR", help="stop a frame at this relative error")
-    add("--time", type=float, metavar="SECONDS", help="stop the job after this time, with what it has")
-    add("--core-hours", type=float, metavar="HOURS", help="stop the job after so many core-hours, with what it has")
-    add("--cost", type=float, metavar="AMOUNT", help="stop the job at this cost, with what it has")
-    add("--every-first", type=int, metavar="N", help="every Nth frame first")
-    add("--approval", action="store_true", help="wait for `etendue farm approve` after those")
-    add("--priority", type=int, default=0, help="-100 to 100; higher goes first")
-    add("--shared", action="store_true", help="let all users look at it")
-    add("--needs", action="append", default=[], type=int, metavar="JOB", help="begin when this job is done")
-    add("--notify", metavar="URL", help="POST the job there when it ends")
-    add("--unit-secs", type=float, metavar="SECONDS", help="length of a unit [default: 10 to 60]")
-    _add_cluster(parser)
-    group = parser.add_argument_group("settings of the renderer")
-    for parameter in etendue.parameters():
-        if parameter.name not in _OWN:
-            flag = "--" + parameter.name.replace("_", "-")
-            is_switch = parameter.kind.startswith(("bool", "switch"))
-            more: dict[str, Any] = {"nargs": "?", "const": "true"} if is_switch else {}
-            help_text = parameter.doc.replace("%", "%%")
-            group.add_argument(flag, dest=f"set_{parameter.name}", metavar="VALUE", help=help_text, **more)
-
-
-def _define(text: str) -> tuple[str, str]:
-    key, equals, value = text.partition("=")
-    if not key or not equals:
-        raise argparse.ArgumentTypeError("expected KEY=VALUE")
-    return key, value
-
-
-def _numbers(kind: type[int] | type[float], count: int) -> Callable[[str], tuple[float, ...]]:
-    def parse(text: str) -> tuple[float, ...]:
-        try:
-            numbers = tuple(kind(part) for part in text.split(","))
-        except ValueError:
-            numbers = ()
-        if len(numbers) != count:
-            raise argparse.ArgumentTypeError(f"expected {count} numbers with commas between them")
-        return numbers
-
-    return parse

@@ -59,14 +59,15 @@ class Frames:
         scene = SceneOrder(
             package=job.package,
             scene=job.scene,
-            settings=tuple(sorted(spec.settings.items())),
+            settings=tuple(sorted(spec.settings_of(frame.number).items())),
             crop=spec.crop,
             aovs=tuple(spec.aovs),
             defines=tuple(sorted(spec.defines.items())),
             variant=spec.variant,
             gltf_scene=spec.gltf_scene,
             clock=frame.clock,
-            number=frame.number,
+            # A study shows one moment in all of its runs.
+            number=0 if spec.runs else frame.number,
             final=spec.final(),
             fixed_spp=not spec.stop.is_open,
         )
@@ -97,7 +98,7 @@ class Frames:
         frame.secs_per_sample, frame.load_secs = result.secs_per_sample, result.load_secs
         frame.preview, frame.preview_version = _preview_name(frame), frame.preview_version + 1
         is_open = spec.stop.is_open
-        frame.spp_target = None if is_open and spec.settings.get("spp") is None else result.spp
+        frame.spp_target = None if is_open and spec.settings_of(frame.number).get("spp") is None else result.spp
         pixels = planning.area(result.crop)
         most = frame.spp_target
         if not is_open:
@@ -226,7 +227,7 @@ class Frames:
         spec = self._spec(job)
         before = (frame.film,) if frame.film is not None else ()
         stem = file_stem(job.name)
-        number = "" if spec.frames is None else f".{frame.number:04d}"
+        number = "" if spec.frames is None and not spec.runs else f".{frame.number:04d}"
         outputs = []
         for kind in dict.fromkeys(spec.formats):
             name = f"{stem}{number}.{kind}"

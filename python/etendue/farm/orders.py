@@ -100,6 +100,8 @@ class Probed:
     secs_per_sample: float
     """Core-seconds for a sample of one pixel."""
     load_secs: float
+    picture: NDArray[np.float16] | None = None
+    """The picture that the probe has made of the crop, small: shown where no unit is done yet."""
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,13 @@ class Previews:
 
     def __init__(self) -> None:
         self._canvases: OrderedDict[int, _Canvas] = OrderedDict()
+        self._probes: OrderedDict[int, NDArray[np.float16]] = OrderedDict()
+
+    def begin(self, frame: int, picture: NDArray[np.float16]) -> None:
+        """Keep what a probe has seen, for the pixels that no unit has done yet."""
+        self._probes[frame] = picture
+        while len(self._probes) > KEPT:
+            self._probes.popitem(last=False)
 
     def add(self, frame: int, crop: Rect, tile: tuple[int, int, int, NDArray[np.float16]], samples: int) -> None:
         """Add a unit's small tile to a frame."""
@@ -57,13 +64,24 @@ class Previews:
         return [frame for frame, canvas in self._canvases.items() if canvas.is_new and now - canvas.written_at >= EVERY_SECS]
 
     def png(self, frame: int) -> bytes:
-        """Return a frame's preview; pixels without samples are black."""
+        """Return a frame's preview."""
         canvas = self._canvases[frame]
         canvas.is_new = False
         canvas.written_at = time.monotonic()
-        picture = (canvas.sums / np.maximum(canvas.weights, 1.0)).astype(np.float32)
-        return pictures.png(pictures.display(picture, "rgb"))
+        return pictures.png(pictures.display(self.pixels(frame), "rgb"))
+
+    def pixels(self, frame: int) -> NDArray[np.float32]:
+        """Return a frame as it is now, small; pixels without samples are those of the probe, or black where that is gone."""
+        canvas = self._canvases[frame]
+        picture: NDArray[np.float32] = (canvas.sums / np.maximum(canvas.weights, 1.0)).astype(np.float32)
+        probe = self._probes.get(frame)
+        if probe is not None:
+            height, width, _ = picture.shape
+            rows, columns = np.arange(height) * probe.shape[0] // height, np.arange(width) * probe.shape[1] // width
+            picture = np.where(canvas.weights > 0, picture, probe[rows][:, columns].astype(np.float32))
+        return picture
 
     def drop(self, frame: int) -> None:
         """Forget a frame."""
         self._canvases.pop(frame, None)
+        self._probes.pop(frame, None)

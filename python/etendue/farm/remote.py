@@ -92,7 +92,8 @@ class _Api:
         pairs = [(k, v) for k, values in (query or {}).items() for v in (values if isinstance(values, list) else [values])]
         text = urlencode([(k, str(v).lower() if isinstance(v, bool) else str(v)) for k, v in pairs if v is not None])
         target = self._prefix + path + (f"?{text}" if text else "")
-        headers = {"Authorization": f"Bearer {self._token}", "Accept": "application/json, */*"}
+        # One request for a connection: the socket goes with the answer.
+        headers = {"Authorization": f"Bearer {self._token}", "Accept": "application/json, */*", "Connection": "close"}
         body: bytes | IO[bytes] | None = None
         if file is not None:
             file.seek(0, 2)

@@ -497,6 +497,8 @@ class Scheduler:
             slots = sum(w.node in self._nodes for w in self._workers.values())
             threads = worker.threads
             self._frames.probed(session, job, frame, unit, done, slots, threads)
+            if done.result.picture is not None:
+                self._previews.begin(frame.id, done.result.picture)
         elif isinstance(done.result, Rendered) and unit is not None:
             orders = self._frames.unit_done(session, job, frame, unit, done, cost)
             if done.result.tile is not None and frame.crop is not None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from functools import lru_cache
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
@@ -11,6 +12,8 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 import etendue
 
+MAX_RUNS = 1000
+"""Most runs of a study."""
 MAX_FRAMES = 100_000
 """Most frames of a job."""
 
@@ -85,7 +88,7 @@ class JobSpec(BaseModel):
     name: Annotated[str, Field(max_length=256)] = ""
     """What the list of jobs shows; empty: the scene's name."""
     command: Literal["render", "bake", "photons", "study"] = "render"
-    """What to do; only `render` is there yet, the others are refused."""
+    """What to do: `render` a still or an animation, or a `study`, several pictures of one scene. `bake` and `photons` are refused."""
     settings: dict[str, Setting | None] = Field(default_factory=dict)
     """Settings of the renderer: the keywords of `etendue.Scene.render`, see `etendue.parameters()`."""
     crop: tuple[int, int, int, int] | None = None
@@ -100,6 +103,8 @@ class JobSpec(BaseModel):
     """Scene of a glTF file."""
     frames: Annotated[str, Field(max_length=10_000)] | None = None
     """Frames of an animation, such as `1-48`, `1-100x5`, `1,4,10-12`; None: a still."""
+    runs: Annotated[list[dict[str, Setting | None]], Field(max_length=MAX_RUNS)] = Field(default_factory=list)
+    """Of a study: what each of its pictures has beside, or instead of, `settings`; the first is number 1."""
     last_frame: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
     """Number of the animation's last frame, where `frames` does not go up to it: the clock depends on it."""
     clocks: tuple[float, float] = (0.0, 1.0)
@@ -158,10 +163,19 @@ class JobSpec(BaseModel):
             raise ValueError(f"there is no setting `{unknown[0][:64]}`; there are {', '.join(sorted(known))}")
         return {key: value for key, value in settings.items() if value is not None}
 
+    @field_validator("runs")
+    @classmethod
+    def _are_runs(cls, runs: list[dict[str, Setting | None]]) -> list[dict[str, Setting | None]]:
+        return [cls._are_settings(run) for run in runs]
+
     @model_validator(mode="after")
     def _fits_together(self) -> JobSpec:
-        if self.command != "render":
-            raise ValueError(f"the farm cannot do `{self.command}` yet; it can `render`")
+        if self.command not in ("render", "study"):
+            raise ValueError(f"the farm cannot do `{self.command}` yet; it can `render` and do a `study`")
+        if (self.command == "study") != bool(self.runs):
+            raise ValueError("a `study` has `runs`, and nothing else has")
+        if self.command == "study" and self.frames is not None:
+            raise ValueError("a `study` has `runs` in place of `frames`")
         if self.every_first is not None and self.frames is None:
             raise ValueError("`every_first` is for animations")
         if self.approval and self.every_first is None:
@@ -171,19 +185,29 @@ class JobSpec(BaseModel):
         return self
 
     def numbers(self) -> tuple[int, ...]:
-        """Return the numbers of the frames; (0,) for a still."""
+        """Return the numbers of the frames, or of a study's runs; (0,) for a still."""
+        if self.runs:
+            return tuple(range(1, len(self.runs) + 1))
         return parse_frames(self.frames) if self.frames is not None else (0,)
 
     def final(self) -> int:
-        """Return the number of the animation's last frame; 0 for a still."""
+        """Return the number of the animation's last frame; 0 for stills and studies."""
         return 0 if self.frames is None else self.last_frame or self.numbers()[-1]
 
     def clock(self, number: int) -> float:
         """Return `clock` of a frame: from the first value at frame 1 to the second at the last frame."""
+        return self.clock_of([number])[0]
+
+    def clock_of(self, numbers: Iterable[int]) -> list[float]:
+        """Return `clock` of each of some frames."""
         first, last = self.clocks
         final = self.final()
-        return first if final <= 1 else first + (last - first) * ((number - 1) / (final - 1))
+        return [first if final <= 1 else first + (last - first) * ((n - 1) / (final - 1)) for n in numbers]
+
+    def settings_of(self, number: int) -> dict[str, Setting | None]:
+        """Return the settings of a frame, or of a study's run."""
+        return {**self.settings, **self.runs[number - 1]} if self.runs else self.settings
 
     def first_numbers(self) -> frozenset[int]:
         """Return the frames that come first and need no approval."""
-        return frozenset((0,)) if self.frames is None else _every(self.frames, self.every_first or 1)
+        return frozenset(self.numbers()) if self.frames is None else _every(self.frames, self.every_first or 1)

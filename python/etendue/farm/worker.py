@@ -212,6 +212,7 @@ class Worker:
             is_whole=parts.splats or parts.has_costly_passes,
             secs_per_sample=max(last_secs, 1e-6) / last_work,
             load_secs=prepared.secs,
+            picture=np.clip(picture, -6e4, 6e4).astype(np.float16),
         )
         losses = [f"{loss.file}:{loss.line or 0}: {loss.feature}: {loss.effect}" for loss in etendue.Scene(prepared.scene).losses[:50]]
         return probed, "\n".join([*parts.warnings[:50], *losses])

@@ -5,8 +5,10 @@ import json
 import subprocess
 import sys
 import threading
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from sqlalchemy import func, select, update
 
@@ -15,6 +17,7 @@ from etendue.farm.accounts import Actor
 from etendue.farm.errors import ConflictError, InvalidError, NotFoundError
 from etendue.farm.jobs import JobFilter
 from etendue.farm.models import Job, Unit
+from etendue.farm.preview import Previews
 from etendue.farm.scheduler import Scheduler
 from etendue.farm.service import Farm
 from etendue.farm.states import JobState, UnitState
@@ -272,3 +275,50 @@ def test_films_merge_to_the_whole_one() -> None:
     assert path.is_dir()
     with pytest.raises(Exception, match="no films"):
         _etendue.film_merge([])
+
+
+def test_a_study_has_the_picture_of_each_run(farm: Farm, actor: Actor, runner: Runner, tmp_path: Path) -> None:
+    runs = [{"integrator": "normals", "spp": 2}, {"integrator": "path", "spp": 3}, {"integrator": "path", "spp": 5, "width": 48}]
+    job = runner.finish(farm.jobs.get(actor, submit(farm, actor, command="study", runs=runs, name="methods")))
+    assert (job.state, job.kind, job.frames_done) == ("done", "study", 3), job.error
+    scene = tmp_path / "balls.xml"
+    scene.write_text(BALLS)
+    frames = farm.jobs.frames(actor, job.id).items
+    for frame, run in zip(frames, runs, strict=True):
+        assert frame.spp_done == run["spp"]
+        out = tmp_path / f"{frame.number}.exr"
+        flags = [text for key, value in run.items() for text in (f"--{key}", str(value))]
+        command = [Path(sys.executable).parent / "etendue", "render", scene, *flags, "-q", "-o", out]
+        subprocess.run(command, check=True, timeout=300)
+        assert picture(farm, actor, job.id, f"methods.{frame.number:04d}.exr") == out.read_bytes()
+    for wrong in ({"runs": runs}, {"command": "study"}, {"command": "study", "runs": runs, "frames": "1-3"}, {"command": "bake"}):
+        with pytest.raises(InvalidError):
+            farm.jobs.submit(actor, {"package": job.package_id, **wrong})
+    with pytest.raises(InvalidError, match="spp"):
+        farm.jobs.submit(actor, {"package": job.package_id, "command": "study", "runs": [{"spp": 10**9}]})
+
+
+def test_the_probe_is_seen_where_no_unit_is_done() -> None:
+    previews = Previews()
+    previews.begin(1, np.full((4, 8, 3), 0.25, np.float16))
+    previews.add(1, (0, 0, 64, 32), (0, 0, 4, np.full((8, 4, 3), 1.0, np.float16)), 2)
+    seen = previews.pixels(1)
+    assert seen.shape == (8, 16, 3)
+    assert (seen[:, :4] == 1.0).all()
+    assert (seen[:, 4:] == 0.25).all()
+    previews.drop(1)
+    previews.add(1, (0, 0, 64, 32), (0, 0, 4, np.full((8, 4, 3), 1.0, np.float16)), 2)
+    assert (previews.pixels(1)[:, 4:] == 0).all()
+
+
+def test_a_hundred_thousand_frames_are_taken_at_once(farm: Farm, actor: Actor) -> None:
+    package = farm.upload(actor, packed(spin_pov=SPIN), "spin.zip")
+    started = time.process_time()
+    order = {"package": package.id, "frames": "1-100000", "every_first": 10, "approval": True, "clocks": [0, 3]}
+    job = farm.jobs.submit(actor, order)
+    # Of the processor: what else the machine does is no fault of ours. About 0.4 s.
+    assert time.process_time() - started < 1.5
+    assert job.frames_total == 100_000
+    last = farm.jobs.frames(actor, job.id, offset=99_999).items[0]
+    assert (last.number, last.clock, last.state) == (100_000, 3.0, "held")
+    assert farm.jobs.frames(actor, job.id, limit=1).items[0].state == "queued"
