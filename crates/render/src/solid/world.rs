@@ -15,7 +15,7 @@ use super::{Bounds, Crossing, Line, NO_UV, Primitive, RayKind, SolidHit};
 
 /// All objects of a scene.
 pub struct World {
-    tree: Tree,
+    pub(super) tree: Tree,
     /// Over the roots of finite size, by index into the tree's roots.
     bvh: Bvh,
     /// Roots without finite box.
@@ -237,7 +237,7 @@ impl World {
         self.tree.roots[i as usize]
     }
 
-    fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
+    pub(super) fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
         let leaf = &self.tree.leaves[hit.leaf as usize];
         let p = line.at(hit.crossing.t);
         let local = leaf.local_point(p);

@@ -6,9 +6,11 @@
 //! light, lights without shadows beside others (docs/guide/formats-pov.md has the list).
 
 mod lower;
+mod meshes;
 mod shade;
 
 pub(crate) use lower::camera;
+pub use meshes::{MeshOptions, meshes};
 
 use std::collections::HashMap;
 use std::sync::Arc;
