@@ -58,7 +58,7 @@ mod tests;
 pub use bounds::Bounds;
 pub use facets::Facet;
 pub use probe::WorldProbe;
-pub use world::World;
+pub use world::{PhotonTarget, World};
 
 use std::sync::Arc;
 

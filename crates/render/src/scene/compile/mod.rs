@@ -33,6 +33,12 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     }
     let (solids, mut warnings) = Physical::new(classic, size);
     let fault = |message| vec![Fault { severity: Severity::Error, span: Span::default(), message }];
+    let name = settings.integrator.as_deref().unwrap_or(&desc.integrator.name);
+    if solids.has_own_rays() && matches!(name, "light" | "bdpt" | "vcm" | "mlt") {
+        return Err(fault(format!(
+            "`{name}` connects light to the camera, which it can only with flat pictures: perspective and orthographic"
+        )));
+    }
     let (lights, losses) = solids.lower(size).map_err(fault)?;
     warnings.extend(losses.into_iter().map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
     let mut scene = compile_with(&lights, settings, size, Some(Box::new(solids)))?;
