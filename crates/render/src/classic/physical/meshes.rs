@@ -172,13 +172,19 @@ impl Physical {
         }
         let extent = patch.facets.iter().fold(Bounds::EMPTY, |b, f| b.union(Bounds::of_points(f.p)));
         let size = (extent.max - extent.min).length() / f64::from(segments);
-        let (coarse, fine) = (2.0 * size, 0.35 * size);
+        // Large surfaces are divided as finely as the camera sees them.
+        let eye = self.classic.rays.location();
+        let edges = |f: &Facet| {
+            let seen = ((f.p[0] + f.p[1] + f.p[2]) / 3.0 - eye).length() / f64::from(segments);
+            [(2.0 * size).min(4.0 * seen), (0.35 * size).min(0.4 * seen)]
+        };
         let mut out: Vec<Painted> = Vec::new();
         let mut pending: Vec<Facet> = Vec::new();
         for facet in &patch.facets {
             pending.push(*facet);
             while let Some(facet) = pending.pop() {
                 let (side, length) = longest(&facet);
+                let [coarse, fine] = edges(&facet);
                 let room = out.len() + pending.len() < MOST_COLORED;
                 if room && length > coarse {
                     pending.extend(halves(&facet, side));
