@@ -49,7 +49,7 @@ class RenderSettings(TypedDict, total=False):
     radiosity_method: str | None
     """How radiosity is solved: hierarchical, progressive, matrix."""
     radiosity_error: float | None
-    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given."""
+    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given."""
     radiosity_elements: int | None
     """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
     radiosity_links: int | None

@@ -47,7 +47,7 @@ params! {
         envmap_correction: Option<String> = None, "name", "";
         /// How radiosity is solved: hierarchical, progressive, matrix.
         radiosity_method: Option<String> = None, "name", "";
-        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.001 where not given.
+        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given.
         radiosity_error: Option<f32> = None, "number", "";
         /// Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given.
         radiosity_elements: Option<u32> = None, "integer", "elements";

@@ -123,6 +123,8 @@ class Live:
         self._frame: Frame | None = None
         self._frames = 0
         self._error: str | None = None
+        self._load_error: str | None = None
+        self._looked_at = 0.0
         self._divisor = 4
         self._stamps: dict[Path, tuple[int, int]] = {}
         self.scene = scene or load()
@@ -155,7 +157,7 @@ class Live:
     @property
     def error(self) -> str | None:
         """What is wrong with the newest look or scene; None for nothing."""
-        return self._error
+        return self._load_error or self._error
 
     @property
     def scene_number(self) -> int:
@@ -194,7 +196,7 @@ class Live:
                 generation, look, is_paused = self._generation, self._look, self._is_paused
             if self._watch and self._files_changed():
                 self._reload()
-            if is_paused:
+            if is_paused or self._rendered == generation:
                 continue
             self._rendered = generation
             try:
@@ -207,9 +209,11 @@ class Live:
         try:
             self.scene = self._load()
         except (etendue.Error, OSError) as e:
-            # The last scene that was right stays in view.
-            self._report(str(e))
+            # The last scene that was right stays in view, and the fault is told until the file is right again.
+            self._load_error = str(e)
+            self._changed()
             return
+        self._load_error = None
         self._remember_files()
         self._scene_number += 1
         self._rendered = 0
@@ -227,7 +231,16 @@ class Live:
         return any(_stamp(path) not in (stamp, None) for path, stamp in self._stamps.items())
 
     def _is_outdated(self, generation: int) -> bool:
-        return self._is_closed or generation != self._generation
+        return self._is_closed or generation != self._generation or self._must_reload()
+
+    def _must_reload(self) -> bool:
+        """Whether the scene's files have changed while it is rendered; looks at them now and then."""
+        now = time.monotonic()
+        if self._watch and now - self._looked_at >= WATCH_SECS:
+            self._looked_at = now
+            if self._files_changed():
+                self._reload()
+        return self._rendered == 0
 
     def _render(self, generation: int, look: Look) -> None:
         scene = self.scene

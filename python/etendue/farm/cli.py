@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import secrets
 import signal
 import sys
@@ -17,9 +18,9 @@ from typing import Any, cast
 import etendue
 from etendue.farm import collect, runner
 from etendue.farm.accounts import Actor
-from etendue.farm.config import FarmConfig
 from etendue.farm.errors import FarmError, InvalidError
 from etendue.farm.jobs import JobFilter
+from etendue.farm.remote import RemoteFarm
 from etendue.farm.service import Farm, scheduler_is_up
 from etendue.farm.spec import JobSpec, Setting
 from etendue.farm.states import JOB_ENDED, JobState, Role
@@ -57,7 +58,7 @@ def _fail(args: argparse.Namespace, code: str, message: str, exit_code: int) -> 
 
 
 def _up(args: argparse.Namespace) -> int:
-    with _farm(args) as (farm, _):
+    with _own_farm(args) as farm:
         _check_free(farm)
         backend = runner.ray_backend(farm, args.address, args.cores)
         with _terminated(), runner.running(farm, backend) as scheduler, _console(args, farm):
@@ -132,9 +133,13 @@ def _submit(args: argparse.Namespace) -> int:
         if not args.wait:
             _print(args, job, lambda: str(job.id))
             return 0
-        with farm.database.read() as session:
-            is_up = scheduler_is_up(session)
-        if not is_up:
+        is_up = farm.status(actor).is_up
+        if isinstance(farm, RemoteFarm):
+            if not is_up:
+                _say("the console is there, but its farm is not running: the job waits until it is")
+            # Others keep that farm going.
+            is_up = True
+        elif not is_up:
             if not args.quiet:
                 _say("no farm is running: one is started for this job")
             stack.enter_context(runner.running(farm, runner.ray_backend(farm, args.address, args.cores)))
@@ -214,7 +219,7 @@ def _setting(text: str) -> Setting:
     return text
 
 
-def _write_outputs(farm: Farm, actor: Actor, job: JobView, target: list[Path], *, quiet: bool) -> list[Path]:
+def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: list[Path], *, quiet: bool) -> list[Path]:
     """Write the job's pictures; those of an animation get the frame's number before the ending."""
     written = []
     by_format = {("jpg" if p.suffix.lower() == ".jpeg" else p.suffix.lower().lstrip(".")): p for p in target}
@@ -231,7 +236,7 @@ def _write_outputs(farm: Farm, actor: Actor, job: JobView, target: list[Path], *
     return written
 
 
-def _copy_output(farm: Farm, actor: Actor, job: int, name: str, path: Path) -> None:
+def _copy_output(farm: Farm | RemoteFarm, actor: Actor, job: int, name: str, path: Path) -> None:
     _, data = farm.pictures.open_output(actor, job, name)
     with data, tempfile.NamedTemporaryFile(dir=path.resolve().parent, prefix=".etendue-", delete=False) as part:
         try:
@@ -255,7 +260,7 @@ def _wait(args: argparse.Namespace) -> int:
         return _BY_STATE.get(JobState(job.state), EXIT_TIMEOUT)
 
 
-def _wait_for(farm: Farm, actor: Actor, job_id: int, timeout: float | None, *, quiet: bool) -> JobDetail:
+def _wait_for(farm: Farm | RemoteFarm, actor: Actor, job_id: int, timeout: float | None, *, quiet: bool) -> JobDetail:
     """Return a job when it has ended, waits for approval, or the time is over."""
     end = None if timeout is None else time.monotonic() + timeout
     shown = ""
@@ -368,7 +373,7 @@ def _log(args: argparse.Namespace) -> int:
 def _cost(args: argparse.Namespace) -> int:
     with _farm(args) as (farm, actor):
         found = farm.cost(actor, by=args.by)
-        rows = [[args.by.upper(), "JOBS", "UNITS", "CORE-HOURS", f"COST ({farm.config.currency})"]]
+        rows = [[args.by.upper(), "JOBS", "UNITS", "CORE-HOURS", f"COST ({farm.status(actor).currency})"]]
         rows += [[r.key, str(r.jobs), str(r.units), f"{r.core_secs / 3600:.3f}", f"{r.cost:.4f}"] for r in found]
         _print(args, [r.model_dump() for r in found], lambda: _table(rows))
     return 0
@@ -409,13 +414,37 @@ def _password() -> str:
 
 
 @contextlib.contextmanager
-def _farm(args: argparse.Namespace) -> Iterator[tuple[Farm, Actor]]:
-    config: FarmConfig | None = None
-    farm = Farm.open(args.farm, config)
+def _farm(args: argparse.Namespace) -> Iterator[tuple[Farm | RemoteFarm, Actor]]:
+    """Open the farm that the arguments name: behind a console's address, or in a folder."""
+    url = _url(args)
+    farm: Farm | RemoteFarm = RemoteFarm(url, _token(args)) if url else Farm.open(args.farm)
     try:
         yield farm, farm.accounts.local()
     finally:
         farm.close()
+
+
+@contextlib.contextmanager
+def _own_farm(args: argparse.Namespace) -> Iterator[Farm]:
+    if args.url:
+        raise InvalidError("a farm is run beside its folder: `up` takes no --url")
+    farm = Farm.open(args.farm)
+    try:
+        yield farm
+    finally:
+        farm.close()
+
+
+def _url(args: argparse.Namespace) -> str | None:
+    # A folder that is named on the command line is meant, whatever the environment says.
+    return args.url or (None if args.farm else os.environ.get("ETENDUE_FARM_URL")) or None
+
+
+def _token(args: argparse.Namespace) -> str:
+    # Never as an argument: those are seen by everyone on the machine.
+    if args.token_file is not None:
+        return Path(args.token_file).read_text(encoding="utf-8").strip()
+    return os.environ.get("ETENDUE_FARM_TOKEN", "").strip()
 
 
 def _say(text: str) -> None:
@@ -447,6 +476,8 @@ def _table(rows: list[list[str]]) -> str:
 def _parser() -> argparse.ArgumentParser:
     common = argparse.ArgumentParser(add_help=False)
     common.add_argument("--farm", metavar="FOLDER", help="the farm's folder [default: $ETENDUE_FARM, else one in your folder for data]")
+    common.add_argument("--url", metavar="URL", help="the console of a farm elsewhere [default: $ETENDUE_FARM_URL, else the folder]")
+    common.add_argument("--token-file", metavar="FILE", help="file with the API token for --url [default: $ETENDUE_FARM_TOKEN]")
     common.add_argument("--json", action="store_true", help="answers as JSON on standard output")
     common.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors and answers")
     parser = argparse.ArgumentParser(prog="etendue farm", description="Render on many machines.")

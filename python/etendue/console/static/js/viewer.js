@@ -64,7 +64,7 @@ $("#panel").append(
     number("spp", "Samples per pixel", { min: "1", max: "1048576", placeholder: "antialiasing" }, (v) => settings({ spp: v }))),
   h("section", {}, h("h2", {}, "Picture"),
     select("layer", "Layer", ["rgb"], setLayer),
-    h("label", { class: "field" }, h("span", {}, "Exposure ", exposureValue), exposure),
+    h("label", { class: "field", for: "exposure" }, h("span", {}, "Exposure ", exposureValue), exposure),
     select("operator", "Tone mapping", OPERATOR_NAMES, (v) => picture.set({ operator: v })),
     number("width", "Width in pixels", { min: "16", max: "4096" }, (v) => v && settings({ width: v, height: null }))),
   h("section", {}, h("h2", {}, "Camera"),

@@ -101,7 +101,7 @@ export async function jobPage(main, app, id) {
       if (now && now.frame === next.frame && now.layer === next.layer && now.width === next.width && now.version !== next.version) before = now;
       if (now && now.frame !== next.frame) before = null;
       empty.hidden = true;
-      $("#save-png").disabled = false;
+      saveShown.disabled = false;
       picture.show(next);
       if (mode !== "off") picture.compare(pinned ?? before, mode);
       if (layerSelect.options.length !== next.layers.length) layerSelect.replaceChildren(...next.layers.map((l) => h("option", {}, l)));
@@ -299,6 +299,8 @@ export async function jobPage(main, app, id) {
     h("div", { class: "table-box" }, h("table", { id: "units" }, h("caption", { class: "visually-hidden" }, "Units"), h("thead", {}, h("tr", {}, ["Unit", "Frame", "Pixels", "Samples", "State", "Node", "Time", "Attempts", "Told"].map((t) => h("th", { scope: "col" }, t)))), unitBody)), unitFoot);
 
   const fileBody = h("tbody");
+  // Made once: the picture may come before the list of files, or after it.
+  const saveShown = h("button", { type: "button", id: "save-png", disabled: true, onclick: savePng, title: "As it is shown here" }, "PNG as shown");
   const fps = h("input", { type: "number", id: "fps", min: "1", max: "120", value: "24" });
   async function loadFiles() {
     const files = await get(`/jobs/${id}/outputs`);
@@ -311,7 +313,7 @@ export async function jobPage(main, app, id) {
         a.className = "button";
         return a;
       }),
-      h("button", { type: "button", id: "save-png", disabled: !picture.frame, onclick: savePng, title: "As it is shown here" }, "PNG as shown"),
+      saveShown,
       files.length > 1 ? h("a", { class: "button", id: "zip", href: `${API}/jobs/${id}/outputs.zip`, download: "" }, `All ${files.length} files (zip)`) : "",
       job.kind === "animation" && job.frames_done > 0 ? h("button", { type: "button", id: "movie", onclick: saveMovie }, "Film (MP4)") : "");
     filesNothing.hidden = files.length > 0;
@@ -373,7 +375,7 @@ export async function jobPage(main, app, id) {
     fault,
     h("div", { class: "job" },
       h("section", { class: "viewer-box", "aria-label": "Picture" },
-        h("div", { class: "tools" }, frameLabel, field("Layer", layerSelect), h("label", { class: "field" }, h("span", {}, "Exposure ", stops), exposure), field("Tone mapping", operator), field("Compare", compare), pin, full,
+        h("div", { class: "tools" }, frameLabel, field("Layer", layerSelect), h("label", { class: "field", for: "exposure" }, h("span", {}, "Exposure ", stops), exposure), field("Tone mapping", operator), field("Compare", compare), pin, full,
           h("button", { type: "button", onclick: () => picture.fit() }, "Fit"), h("button", { type: "button", onclick: () => picture.zoomTo(1) }, "1:1")),
         stage,
         h("div", { class: "under" }, zoom, pixel, h("span", { class: "space" }), version)),
