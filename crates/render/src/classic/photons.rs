@@ -135,7 +135,7 @@ pub(super) fn takes_shadow(photons: &PhotonSettings, lamp: &Lamp) -> bool {
 fn hash(a: u32, b: u32) -> f64 {
     let mut x = a.wrapping_mul(0x9e37_79b9) ^ b.wrapping_add(0x7f4a_7c15);
     for _ in 0..2 {
-        x = (x ^ (x >> 16)).wrapping_mul(0x45d9_f3b);
+        x = (x ^ (x >> 16)).wrapping_mul(0x045d_9f3b);
     }
     f64::from(x ^ (x >> 16)) / 4_294_967_296.0
 }
