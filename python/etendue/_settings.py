@@ -32,6 +32,8 @@ class RenderSettings(TypedDict, total=False):
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
     """Reach of ambient occlusion; unlimited where not given."""
+    tessellation: int | None
+    """Segments of a full circle where POV-Ray's solids become triangles (raster, radiosity, bake); 64 where not given."""
     shadow_filter: str | None
     """How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them)."""
     shadow_resolution: int | None

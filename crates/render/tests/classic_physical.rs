@@ -143,3 +143,45 @@ fn cameras_that_only_the_classic_model_has_are_an_error_by_name() {
     let error = job::prepare(&desc, &settings, &plan, &[]).map(|_| ()).unwrap_err().to_string();
     assert!(error.contains("whitted"), "{error}");
 }
+
+#[test]
+fn photons_bring_back_the_light_that_their_targets_take() {
+    let wall = |photons: &str| format!("plane {{ -z, 0 pigment {{ rgb .5 }} finish {{ ambient 0 diffuse 1 }} photons {{ {photons} }} }}");
+    let source = "light_source { <3, 0, -3> rgb 1 }";
+    // A pane without refraction across the light, out of the camera's sight.
+    let pane = |photons: &str| format!("box {{ <1.1, -.6, -1.9>, <1.9, .6, -1.1> pigment {{ rgbt 1 }} interior {{ ior 1 }} {photons} }}");
+    let on = "global_settings { photons { spacing .02 } }";
+    let color = |text: String| mean(&film(&text, "whitted", 1, None, 2)).0[0];
+    let free = color(format!("{source} {} {}", wall(""), pane("")));
+    assert!(free > 0.1);
+    let taken = color(format!("{on} {source} {} {}", wall("collect off"), pane("photons { target refraction on }")));
+    assert_eq!(taken, 0.0, "what photons could bring is in full shadow");
+    let brought = color(format!("{on} {source} {} {}", wall(""), pane("photons { target refraction on }")));
+    assert!((brought / free - 1.0).abs() < 0.1, "{brought} instead of {free}");
+    let passing = color(format!("{on} {source} {} {}", wall(""), pane("photons { target refraction on pass_through }")));
+    assert!((passing / free - 1.0).abs() < 1e-6, "{passing} instead of {free}");
+}
+
+#[test]
+fn curved_cameras_see_the_same_in_both_models() {
+    let text = |kind: &str| {
+        format!(
+            "camera {{ {kind} location -5*z look_at 0 }} light_source {{ <2, 1, -4> rgb 1 }}
+             sphere {{ 0, 3 pigment {{ rgb .5 }} finish {{ ambient 0 diffuse .8 }} }}"
+        )
+    };
+    for kind in ["fisheye angle 120", "ultra_wide_angle angle 100", "spherical angle 360 180", "cylinder 1 angle 90"] {
+        let (classic, physical) = (film(&text(kind), "normals", 4, None, 2), film(&text("perspective"), "normals", 4, None, 2));
+        assert_ne!(mean(&classic).0, mean(&physical).0, "{kind} is a camera of its own");
+        assert!(mean(&film(&text(kind), "path", 4, Some(1), 2)).0[0] > 0.0, "{kind}");
+    }
+    assert!(job_fails(&text("fisheye angle 120"), "bdpt"));
+}
+
+/// Whether the scene cannot be rendered by a method.
+fn job_fails(text: &str, integrator: &str) -> bool {
+    let settings = RenderSettings { integrator: Some(integrator.to_owned()), ..RenderSettings::default() };
+    let desc = read(text);
+    let plan = Plan::new(&desc, &settings, None).unwrap();
+    job::prepare(&desc, &settings, &plan, &[]).is_err()
+}

@@ -31,6 +31,8 @@ params! {
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.
         ao_distance: Option<f32> = None, "number", "scene units";
+        /// Segments of a full circle where POV-Ray's solids become triangles (raster, radiosity, bake); 64 where not given.
+        tessellation: Option<u32> = None, "integer", "segments";
         /// How the raster integrator looks shadow maps up: hard, pcf (filtered edges), pcss (penumbras as wide as the light makes them).
         shadow_filter: Option<String> = None, "name", "";
         /// Edge of a shadow map; 1024 where not given.

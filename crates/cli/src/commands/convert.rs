@@ -7,7 +7,7 @@ use anyhow::Context;
 use etendue_scene::Loss;
 use etendue_scene::formats::{gltf, mitsuba, pbrt};
 
-use super::{note, report_losses};
+use super::{note, report_losses, triangles};
 use crate::exit::{self, coded};
 use crate::scene_args::SceneArgs;
 
@@ -18,6 +18,9 @@ pub struct Args {
     scene: SceneArgs,
     /// File to write: .xml (Mitsuba 3, with meshes and pictures in a folder beside it), .gltf or .glb.
     output: PathBuf,
+    /// Segments of a full circle where POV-Ray's solids become triangles; 64 where not given.
+    #[arg(long, value_name = "N")]
+    tessellation: Option<u32>,
     /// Say nothing but errors.
     #[arg(short, long)]
     quiet: bool,
@@ -29,13 +32,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !matches!(extension.as_str(), "xml" | "pbrt" | "gltf" | "glb") {
         return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
-    let desc = args.scene.read([None, None])?;
-    if desc.classic.is_some() {
-        return Err(coded(
-            exit::FAILURE,
-            format!("{}: POV-Ray scenes cannot be converted to other formats yet", args.scene.scene.display()),
-        ));
-    }
+    let desc = triangles(args.scene.read([None, None])?, args.tessellation)?;
     if !args.quiet {
         report_losses(&desc);
     }

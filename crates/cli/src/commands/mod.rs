@@ -17,11 +17,24 @@ pub mod study;
 
 use std::io::Write;
 
+use etendue_render::classic::physical::{MeshOptions, meshes};
 use etendue_scene::{SceneDesc, Severity};
+
+use crate::exit::{self, coded};
 
 /// Prints a line for people to standard error.
 pub fn note(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// The scene in triangles, if it is one of POV-Ray's exact solids; in a right-handed space.
+pub fn triangles(desc: SceneDesc, segments: Option<u32>) -> anyhow::Result<SceneDesc> {
+    if desc.classic.is_none() {
+        return Ok(desc);
+    }
+    let plain = MeshOptions::default();
+    let options = MeshOptions { segments: segments.unwrap_or(plain.segments), right_handed: true, ..plain };
+    meshes(&desc, &options).map_err(|e| coded(exit::INVALID, e))
 }
 
 /// Prints warnings and losses of a scene to standard error; at most a screenful, `etendue info` has them all.

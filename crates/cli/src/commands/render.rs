@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -112,15 +113,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         session.warnings().iter().for_each(|w| note(&format!("warning: {w}")));
     }
     resume(&args, &mut session)?;
-    let cancel = Cancel::default();
-    let handler = cancel.clone();
-    // A second Ctrl-C ends the process at once. Setting a handler fails only where one exists, as in tests.
-    let _ = ctrlc::set_handler(move || {
-        if handler.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        handler.cancel();
-    });
+    let cancel = on_interrupt();
     let mode = if args.quiet && args.progress == progress::Mode::Auto { progress::Mode::None } else { args.progress };
     let watcher = Watcher::new(Progress::new(mode), args.checkpoint.as_deref(), args.checkpoint_interval);
     let rendering = Instant::now();
@@ -166,6 +159,25 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         note(&format!("warning: {} samples were not finite and count as black", counters.non_finite));
     }
     Ok(ExitCode::from(if reason == Reason::Cancelled { exit::INTERRUPTED } else { exit::OK }))
+}
+
+/// What Ctrl-C cancels: the same for all pictures of an animation. A second Ctrl-C ends the process at once.
+fn on_interrupt() -> Cancel {
+    static CANCEL: OnceLock<Cancel> = OnceLock::new();
+    CANCEL
+        .get_or_init(|| {
+            let cancel = Cancel::default();
+            let handler = cancel.clone();
+            // Setting a handler fails only where one exists, as in tests.
+            let _ = ctrlc::set_handler(move || {
+                if handler.is_cancelled() {
+                    std::process::exit(i32::from(exit::INTERRUPTED));
+                }
+                handler.cancel();
+            });
+            cancel
+        })
+        .clone()
 }
 
 /// Places of faults in front of their messages.

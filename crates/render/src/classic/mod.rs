@@ -19,6 +19,7 @@ mod light;
 mod losses;
 mod media;
 mod mesh_camera;
+mod photons;
 pub mod physical;
 mod radiosity;
 mod refract;
@@ -68,6 +69,9 @@ pub struct ClassicWorld {
     pattern_objects: Vec<World>,
     space: WorkingSpace,
     radiosity: Option<radiosity::Cache>,
+    photons: Option<photons::PhotonLight>,
+    /// Shadows of photons' targets are left to the photons.
+    has_photons: bool,
     /// The camera's place and what it is inside of: where most camera rays begin.
     around_camera: Option<(DVec3, Stack)>,
 }
@@ -92,8 +96,13 @@ impl ClassicWorld {
             pattern_objects,
             space,
             radiosity: None,
+            photons: None,
+            has_photons: scene.settings.photons.is_some(),
             around_camera: None,
         };
+        if let Some(settings) = &scene.settings.photons {
+            made.photons = photons::PhotonLight::build(&made, settings);
+        }
         made.adapt_to_camera(size);
         (made, faults)
     }

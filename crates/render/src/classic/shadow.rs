@@ -7,6 +7,7 @@ use etendue_scene::desc::classic::Interior;
 use glam::{DVec2, DVec3};
 
 use super::light::Lamp;
+use super::photons::takes_shadow;
 use super::refract::{attenuation, identity};
 use super::trace::Tracer;
 use super::{ClassicWorld, peak};
@@ -63,6 +64,10 @@ impl<'a> Tracer<'a, '_> {
         let mut passes: Vec<Pass> = Vec::new();
         let mut dark = false;
         let blocked = world.world.shadow(&line, NEAR, distance - NEAR, &lamp.last_blocker, &mut |hit| {
+            if world.has_photons && takes_shadow(&hit.object.photons, lamp) {
+                dark = true;
+                return false;
+            }
             let color = world.surface_passing(&hit, &line);
             if !(peak(color.abs()) > 0.0) {
                 dark = true;

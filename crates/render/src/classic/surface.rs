@@ -53,6 +53,8 @@ struct Place<'a, 'h> {
     lights: Option<Few<Lit>>,
     /// Light of surfaces around, once it is known.
     around: Option<DVec3>,
+    /// Light of photons, once it is known.
+    photons: Option<DVec3>,
 }
 
 /// A light as it arrives.
@@ -95,7 +97,7 @@ impl<'a> Tracer<'a, '_> {
                 leaf: hit.leaf,
             });
         }
-        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None };
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None, photons: None };
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for stack in stacks.iter() {
             let traced = self.stack(&mut place, stack);
@@ -210,9 +212,15 @@ impl<'a> Tracer<'a, '_> {
         if place.lights.is_none() {
             place.lights = Some(self.lights(place.hit, place.n));
         }
+        let photons = match (&self.world.photons, place.photons) {
+            (None, _) => DVec3::ZERO,
+            (_, Some(known)) => known,
+            (Some(photons), None) => photons.light(place.hit.p, place.n),
+        };
+        place.photons = Some(photons);
         let Some(lights) = place.lights.take() else { return DVec3::ZERO };
         let both = place.hit.object.double_illuminate;
-        let mut sum = DVec3::ZERO;
+        let mut sum = if scatters { photons * pigment.rgb * (finish.diffuse * opacity) } else { DVec3::ZERO };
         let settings = self.world.settings();
         let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
         let wavelengths = settings.irid_wavelength;

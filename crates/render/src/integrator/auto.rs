@@ -200,7 +200,7 @@ impl Pilot {
                     let mut stream = sampler.stream(x as u32, y as u32, index);
                     let u = stream.next_2d();
                     let cell = (Vec2::new(x as f32, y as f32) + u) / GRID as f32;
-                    let camera_ray = scene.camera.ray(cell * Vec2::new(width, height), stream.next_2d());
+                    let camera_ray = scene.camera_ray(cell * Vec2::new(width, height), stream.next_2d());
                     estimate.reset(scene.group_names.len());
                     method.estimate(scene, &camera_ray, &mut stream, &mut estimate);
                     let luminance = f64::from(estimate.radiance.luminance());

@@ -11,11 +11,13 @@ use super::spots::{Spot, World, spots};
 use super::texels::TexelPoints;
 use super::vertices::{VertexLayout, VertexPoints};
 use super::{BakeError, BakeOptions, Target, checkpoint, seams};
+use crate::classic::physical::{self, MeshOptions};
 use crate::denoise::Denoiser;
 use crate::integrator::Stage;
 use crate::sampler::{Sampler, SamplerKind};
 use crate::scene::{self, Scene};
 use crate::session::{Cancel, Stop};
+use crate::solid::tessellate::SEGMENTS;
 
 /// A scene that is ready to be baked.
 pub struct Bake {
@@ -64,7 +66,20 @@ impl Bake {
     /// [`BakeError`] where a setting or the scene does not allow it.
     pub fn new(desc: &SceneDesc, settings: &RenderSettings, options: &BakeOptions, method: &str) -> Result<Self, BakeError> {
         options.validate()?;
-        let flat = flatten(desc, options.sides)?;
+        let meshes;
+        let mut lost = Vec::new();
+        let desc = if desc.classic.is_some() {
+            let segments = settings.tessellation.unwrap_or(SEGMENTS);
+            let options = MeshOptions { segments, right_handed: true, ..MeshOptions::default() };
+            meshes = physical::meshes(desc, &options).map_err(BakeError::Scene)?;
+            let known = desc.report.losses.len();
+            lost.extend(meshes.report.losses.iter().skip(known).map(|l| format!("{}: {}", l.feature, l.effect)));
+            &meshes
+        } else {
+            desc
+        };
+        let mut flat = flatten(desc, options.sides)?;
+        flat.notes.extend(lost);
         let mut hidden = flat.desc.clone();
         // Light that comes straight from lights is gathered apart from what integrators find.
         hidden.integrator.hide_lights = true;

@@ -17,12 +17,12 @@ pub use view::View;
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 
 use crate::accel::{Accel, Hit, Ray};
-use crate::camera::Camera;
+use crate::camera::{Camera, CameraRay};
 use crate::classic::ClassicWorld;
 use crate::classic::physical::Physical;
 use crate::light::{Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
-use crate::math::{Aabb, Vec3};
+use crate::math::{Aabb, Vec2, Vec3};
 use crate::medium::{Medium, MediumStack};
 use crate::spectrum::Spectrum;
 use crate::texture::Texture;
@@ -179,6 +179,15 @@ impl Scene {
     pub fn hit_material(&self, hit: &Hit) -> &Material {
         let g = &self.geometries[self.placements[hit.instance as usize].geometry as usize];
         &self.materials[g.objects[g.object_of_primitive[hit.prim as usize] as usize].material as usize]
+    }
+
+    /// The ray through a point of the picture (in pixels) and of the lens (`u_lens` in [0, 1)²). Its weight is 0 where the camera sees nothing.
+    pub fn camera_ray(&self, picture: Vec2, u_lens: Vec2) -> CameraRay {
+        let ray = self.camera.ray(picture, u_lens);
+        match &self.solids {
+            Some(solids) => solids.camera_ray(ray),
+            None => ray,
+        }
     }
 
     /// Whether a method that needs triangles can be used.

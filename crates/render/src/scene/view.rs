@@ -53,7 +53,12 @@ impl Scene {
             }
             match &mut self.classic {
                 Some(world) => world.set_camera(camera, size),
-                None => self.camera = Camera::new(&physical::camera(&camera, size).map_err(fault)?, size[0], size[1]),
+                None => {
+                    self.camera = Camera::new(&physical::camera(&camera, size).map_err(fault)?, size[0], size[1]);
+                    if let Some(solids) = &mut self.solids {
+                        solids.set_camera(camera, size);
+                    }
+                }
             }
         } else {
             let mut camera = compile::camera(desc, settings)?.clone();

@@ -399,7 +399,7 @@ impl Session {
         let mut stream = self.sampler.stream(x, y, index);
         if self.integrator.shares_camera_samples() {
             let shared = shared_sample(&self.sampler, &self.filter, index);
-            let camera_ray = self.scene.camera.ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
+            let camera_ray = self.scene.camera_ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
             estimate.reset(self.scene.group_names.len());
             self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
             return (shared.weight, stream);
@@ -428,7 +428,7 @@ impl Session {
     }
 
     fn trace(&self, picture: Vec2, stream: &mut SampleStream, estimate: &mut Estimate) {
-        let camera_ray = self.scene.camera.ray(picture, stream.next_2d());
+        let camera_ray = self.scene.camera_ray(picture, stream.next_2d());
         estimate.reset(self.scene.group_names.len());
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }

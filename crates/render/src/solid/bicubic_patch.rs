@@ -4,6 +4,7 @@
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, has_area};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Most levels of division in one direction.
@@ -141,6 +142,14 @@ impl BicubicPatch {
 }
 
 impl Primitive for BicubicPatch {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let facet = |quad: u32, half: u32| {
+            let at = [DVec2::ZERO, DVec2::X, DVec2::Y].map(|uv| Crossing { uv, ..Crossing::new(0.0, 2 * quad + half) });
+            Facet { p: TRIANGLES[half as usize].map(|i| self.quads[quad as usize].p[i]), at: Some(at) }
+        };
+        Some((0..self.quads.len() as u32).flat_map(|q| [facet(q, 0), facet(q, 1)]).filter(has_area).collect())
+    }
+
     fn bounds(&self) -> Bounds {
         self.nodes.first().map_or(Bounds::EMPTY, |n| n.bounds)
     }

@@ -69,6 +69,9 @@ impl Primitive for Shape {
     fn geometric_normal(&self, point: DVec3, crossing: &Crossing) -> DVec3 {
         each!(self, p => p.geometric_normal(point, crossing))
     }
+    fn facets(&self, segments: usize, within: &Bounds) -> Option<Vec<super::Facet>> {
+        each!(self, p => p.facets(segments, within))
+    }
     fn own_textures(&self) -> Vec<Arc<Texture>> {
         each!(self, p => p.own_textures())
     }

@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 
+use super::facets::{Facet, revolve};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Frustum between two circles. Parts: 0 the side, 1 the base, 2 the cap.
@@ -96,6 +97,15 @@ impl Cone {
 }
 
 impl Primitive for Cone {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let (a, b) = (DVec2::new(self.base_radius, 0.0), DVec2::new(self.cap_radius, self.length));
+        let profile = [DVec2::ZERO, a, b, DVec2::new(0.0, self.length)];
+        let mut all = revolve(if self.open { &profile[1..3] } else { &profile }, segments);
+        let out = self.frame.transpose();
+        all.iter_mut().for_each(|f| f.p = f.p.map(|p| self.base + out * DVec3::new(p.x, p.z, p.y)));
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         let w = self.frame.row(2);
         let reach = (DVec3::ONE - w * w).max(DVec3::ZERO).map(f64::sqrt);

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, has_area, quad};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Box; the part of a crossing is 2 · axis, + 1 for the upper face.
@@ -49,6 +50,20 @@ impl Cuboid {
 }
 
 impl Primitive for Cuboid {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let Bounds { min, max } = self.bounds;
+        let corner = |x: bool, y: bool, z: bool| DVec3::select(glam::BVec3::new(x, y, z), max, min);
+        let around = [(false, false), (true, false), (true, true), (false, true)];
+        let mut all = Vec::with_capacity(12);
+        for s in [false, true] {
+            all.extend(quad(around.map(|(a, b)| corner(s, a, b))));
+            all.extend(quad(around.map(|(a, b)| corner(a, s, b))));
+            all.extend(quad(around.map(|(a, b)| corner(a, b, s))));
+        }
+        all.retain(has_area);
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

@@ -41,6 +41,13 @@ pub struct Segment {
 }
 
 impl Segment {
+    /// Points along the piece, both ends among them: as many as a quarter of a circle's segments where it is bent.
+    pub fn sampled(&self, segments: usize) -> Vec<DVec2> {
+        let steps = if self.degree == 1 { 1 } else { (segments / 4).max(2) };
+        let at = |i: usize| if i == steps { self.end } else { self.at(i as f64 / steps as f64) };
+        (0..=steps).map(at).collect()
+    }
+
     fn new(c: [DVec2; 4], end: DVec2) -> Self {
         let degree = if c[3] != DVec2::ZERO {
             3

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, revolve};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Ring in a plane.
@@ -24,6 +25,14 @@ impl Disc {
 }
 
 impl Primitive for Disc {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let hole = self.hole2.sqrt().min(self.radius);
+        let (u, v) = self.n.any_orthonormal_pair();
+        let mut all = revolve(&[DVec2::new(hole, 0.0), DVec2::new(self.radius, 0.0)], segments);
+        all.iter_mut().for_each(|f| f.p = f.p.map(|p| self.center + u * p.x + v * p.z));
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         let reach = (DVec3::ONE - self.n * self.n).max(DVec3::ZERO).map(f64::sqrt) * self.radius;
         Bounds { min: self.center - reach, max: self.center + reach }

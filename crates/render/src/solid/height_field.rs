@@ -6,6 +6,7 @@
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, trim};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Most heights that are taken: more would need too much memory.
@@ -245,6 +246,27 @@ impl HeightField {
 }
 
 impl Primitive for HeightField {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        // Every height where there are not too many of them, else the nearest of a coarser grid.
+        let most = 8 * segments;
+        let [nx, nz] = [self.columns - 1, self.rows - 1].map(|n| n.min(most));
+        let index = |i: usize, n: usize, cells: usize| (i * cells + n / 2) / n;
+        let place = |i: usize, j: usize| {
+            let (i, j) = (index(i, nx, self.columns - 1), index(j, nz, self.rows - 1));
+            DVec3::new(i as f64 / (self.columns - 1) as f64, self.height(i, j), j as f64 / (self.rows - 1) as f64)
+        };
+        let mut all = Vec::with_capacity(2 * nx * nz);
+        for j in 0..nz {
+            for i in 0..nx {
+                let [a, b, c, d] = [place(i, j), place(i + 1, j), place(i, j + 1), place(i + 1, j + 1)];
+                for facet in [Facet::new([a, b, c]), Facet::new([d, c, b])] {
+                    trim(&facet, &|p| p.y >= self.water, &mut all);
+                }
+            }
+        }
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         let [lo, hi] = self.levels.last().and_then(|l| l.ranges.first()).map_or([0.0; 2], |r| r.map(f64::from));
         Bounds { min: DVec3::new(0.0, lo.max(self.water).min(hi), 0.0), max: DVec3::new(1.0, hi, 1.0) }

@@ -7,6 +7,7 @@ use etendue_procedural::fns;
 use glam::{DVec2, DVec3};
 
 use super::curve::{self, Segment, SplineKind};
+use super::facets::{Facet, revolve};
 use super::roots;
 use super::{Bounds, Crossing, Line, Primitive};
 
@@ -138,6 +139,10 @@ impl Lathe {
 }
 
 impl Primitive for Lathe {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        Some(self.segments.iter().flat_map(|s| revolve(&s.sampled(segments), segments)).collect())
+    }
+
     fn bounds(&self) -> Bounds {
         let r = self.radius;
         Bounds { min: DVec3::new(-r, self.heights.x, -r), max: DVec3::new(r, self.heights.y, r) }

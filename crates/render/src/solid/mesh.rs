@@ -7,6 +7,7 @@ use etendue_scene::desc::classic;
 use glam::{DVec2, DVec3};
 
 use super::bvh::Bvh;
+use super::facets::{Facet, has_area};
 use super::triangle::{flat_normal, intersect, smooth};
 use super::{Bounds, Crossing, Line, Primitive};
 
@@ -50,6 +51,14 @@ impl Mesh {
 }
 
 impl Primitive for Mesh {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let facet = |part: u32, (a, [e, f]): &(DVec3, [DVec3; 2])| {
+            let at = [DVec2::ZERO, DVec2::X, DVec2::Y].map(|uv| Crossing { uv, ..Crossing::new(0.0, part) });
+            Facet { p: [*a, *a + *e, *a + *f], at: Some(at) }
+        };
+        Some((0u32..).zip(&self.triangles).map(|(i, t)| facet(i, t)).filter(has_area).collect())
+    }
+
     fn bounds(&self) -> Bounds {
         self.bvh.bounds()
     }

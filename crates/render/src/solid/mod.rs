@@ -16,9 +16,11 @@ mod bvh;
 mod compile;
 mod cone;
 mod container;
+mod contour;
 mod cuboid;
 pub mod curve;
 mod disc;
+pub mod facets;
 pub mod height_field;
 mod hypercomplex;
 pub mod isosurface;
@@ -40,6 +42,7 @@ pub mod sor;
 mod sphere;
 pub mod sphere_sweep;
 pub mod superellipsoid;
+pub mod tessellate;
 mod text;
 mod torus;
 mod trace;
@@ -53,8 +56,9 @@ mod testing;
 mod tests;
 
 pub use bounds::Bounds;
+pub use facets::Facet;
 pub use probe::WorldProbe;
-pub use world::World;
+pub use world::{PhotonTarget, World};
 
 use std::sync::Arc;
 
@@ -129,6 +133,12 @@ pub trait Primitive: Send + Sync {
     /// The unit normal of the true surface on the side of [`Primitive::normal`]; differs on smooth triangles.
     fn geometric_normal(&self, p: DVec3, crossing: &Crossing) -> DVec3 {
         self.normal(p, crossing)
+    }
+    /// Triangles of the surface, with so many segments to a full circle; of unbounded shapes within a box. `None`: they are found by
+    /// asking for the inside ([`contour`]).
+    fn facets(&self, segments: usize, within: &Bounds) -> Option<Vec<Facet>> {
+        let _ = (segments, within);
+        None
     }
     /// Textures of its own parts (triangles, blob components) in the solid's space; those of [`Primitive::part_textures`] by index.
     fn own_textures(&self) -> Vec<Arc<Texture>> {

@@ -12,6 +12,7 @@ use etendue_scene::desc::classic;
 use glam::{DMat3, DVec2, DVec3};
 
 use super::container::Container;
+use super::facets::{Facet, has_area, trim};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Levels of the coarsest and the finest grid: cells along each side are powers of 2.
@@ -216,6 +217,25 @@ impl Parametric {
 }
 
 impl Primitive for Parametric {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let n = self.cells();
+        let mut all = Vec::new();
+        for j in 0..n {
+            for i in 0..n {
+                let places = [[i, j], [i + 1, j], [i, j + 1], [i + 1, j + 1]];
+                for [a, b, c] in [[0, 1, 2], [3, 2, 1]] {
+                    let corners = [places[a], places[b], places[c]];
+                    let at = corners.map(|[i, j]| Crossing { uv: self.parameters(i as f64, j as f64), ..Crossing::new(0.0, 0) });
+                    let facet = Facet { p: corners.map(|[i, j]| self.corner(i, j)), at: Some(at) };
+                    if has_area(&facet) {
+                        trim(&facet, &|p| self.container.contains(p), &mut all);
+                    }
+                }
+            }
+        }
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

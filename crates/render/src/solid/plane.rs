@@ -2,6 +2,7 @@
 
 use glam::{DAffine3, DVec2, DVec3};
 
+use super::facets::{Facet, quad};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Everything with n · p ≤ distance.
@@ -33,6 +34,17 @@ impl Plane {
 }
 
 impl Primitive for Plane {
+    fn facets(&self, _: usize, within: &Bounds) -> Option<Vec<Facet>> {
+        if !within.is_finite() || within.is_empty() {
+            return Some(Vec::new());
+        }
+        let (middle, reach) = (0.5 * (within.min + within.max), (within.max - within.min).length());
+        let p = middle - self.n * (self.n.dot(middle) - self.distance);
+        let (u, v) = self.n.any_orthonormal_pair();
+        let (u, v) = (u * reach, v * reach);
+        Some(quad([p - u - v, p + u - v, p + u + v, p - u + v]).to_vec())
+    }
+
     fn bounds(&self) -> Bounds {
         let mut b = Bounds::INFINITE;
         if let Some(i) = self.axis() {

@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, fill};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Polygons in one plane; a point counts where it is inside of an odd number of them.
@@ -53,6 +54,11 @@ impl Polygon {
 }
 
 impl Primitive for Polygon {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let place = |q: DVec2| self.origin + self.axes[0] * q.x + self.axes[1] * q.y;
+        Some(fill(&self.edges).into_iter().map(|t| Facet::new(t.map(place))).collect())
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

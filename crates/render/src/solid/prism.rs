@@ -4,6 +4,7 @@ use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3};
 
 use super::curve::{self, Segment, SplineKind};
+use super::facets::{Facet, fill, has_area, quad};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Swept curves.
@@ -58,6 +59,23 @@ impl Prism {
 }
 
 impl Primitive for Prism {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let place = |q: DVec2, y: f64| {
+            let q = if self.conic { q * y } else { q };
+            DVec3::new(q.x, y, q.y)
+        };
+        let edges: Vec<[DVec2; 2]> =
+            self.segments.iter().flat_map(|s| s.sampled(segments).windows(2).map(|w| [w[0], w[1]]).collect::<Vec<_>>()).collect();
+        let wall = |[a, b]: &[DVec2; 2]| quad([place(*a, self.bottom), place(*b, self.bottom), place(*b, self.top), place(*a, self.top)]);
+        let mut all: Vec<Facet> = edges.iter().flat_map(wall).collect();
+        if !self.open {
+            let area = fill(&edges);
+            all.extend([self.bottom, self.top].iter().flat_map(|&y| area.iter().map(move |t| Facet::new(t.map(|q| place(q, y))))));
+        }
+        all.retain(has_area);
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

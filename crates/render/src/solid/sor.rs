@@ -5,6 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, revolve};
 use super::lathe::turn;
 use super::{Bounds, Crossing, Line, Primitive, roots};
 
@@ -80,6 +81,21 @@ impl Sor {
 }
 
 impl Primitive for Sor {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let steps = (segments / 4).max(2);
+        let piece = |p: &Piece| -> Vec<DVec2> {
+            let h = |i: usize| (p.top - p.bottom) * i as f64 / steps as f64;
+            (0..=steps).map(|i| DVec2::new(roots::eval(&p.c, h(i)).max(0.0).sqrt(), p.bottom + h(i))).collect()
+        };
+        let mut all: Vec<Facet> = self.pieces.iter().flat_map(|p| revolve(&piece(p), segments)).collect();
+        if !self.open {
+            for (square, y) in self.caps().into_iter().zip([self.bounds.min.y, self.bounds.max.y]) {
+                all.extend(revolve(&[DVec2::new(0.0, y), DVec2::new(square.max(0.0).sqrt(), y)], segments));
+            }
+        }
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

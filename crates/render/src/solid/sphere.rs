@@ -3,6 +3,7 @@
 use etendue_procedural::fns;
 use glam::{DAffine3, DVec2, DVec3};
 
+use super::facets::{Facet, circle, revolve};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Ball around a center.
@@ -54,6 +55,22 @@ impl Sphere {
 }
 
 impl Primitive for Sphere {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let half = segments.div_ceil(2);
+        let profile: Vec<DVec2> = (0..=half)
+            .map(|i| match i {
+                // On the axis exactly.
+                0 => DVec2::NEG_Y,
+                i if i == half => DVec2::Y,
+                i => circle(i, 2 * half).perp() * -1.0,
+            })
+            .map(|q| DVec2::new(q.x.abs(), q.y))
+            .collect();
+        let mut all = revolve(&profile, segments);
+        all.iter_mut().for_each(|f| f.p = f.p.map(|p| self.center + p * self.radius));
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         Bounds::around(self.center, self.radius.abs())
     }

@@ -7,6 +7,7 @@
 use arrayvec::ArrayVec;
 use glam::{DVec2, DVec3, DVec4};
 
+use super::facets::{Facet, circle, has_area, quad};
 use super::{Bounds, Crossing, Line, Primitive, prism, roots};
 
 /// How the curve goes through the spheres.
@@ -177,6 +178,58 @@ impl SphereSweep {
 }
 
 impl Primitive for SphereSweep {
+    /// A tube for each segment, whose rings touch the moving sphere, and the spheres at the ends of segments. What lies within the body is
+    /// left out.
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let around = segments.clamp(8, 64) / 2;
+        let mut all = Vec::new();
+        for s in &self.segments {
+            let at = |u: f64| s.c[0] + u * (s.c[1] + u * (s.c[2] + u * s.c[3]));
+            let slope = |u: f64| s.c[1] + u * (2.0 * s.c[2] + u * 3.0 * s.c[3]);
+            let straight = s.c[2] == DVec4::ZERO && s.c[3] == DVec4::ZERO;
+            let steps = if straight { 1 } else { (segments / 4).max(4) };
+            let mut up = DVec3::ZERO;
+            let mut rings: Vec<Vec<DVec3>> = Vec::new();
+            for i in 0..=steps {
+                let u = i as f64 / steps as f64;
+                let (p, d) = (at(u), slope(u));
+                let speed = d.truncate().length();
+                if !(speed > 0.0) || d.w.abs() >= speed {
+                    continue;
+                }
+                // The sphere touches its neighbors along a circle before or behind its center, as its radius changes.
+                let (t, sin) = (d.truncate() / speed, -d.w / speed);
+                let cos = (1.0 - sin * sin).sqrt();
+                up = (up - t * t.dot(up)).try_normalize().unwrap_or_else(|| t.any_orthonormal_vector());
+                let side = t.cross(up);
+                let center = p.truncate() + t * (p.w * sin);
+                let ring = (0..around).map(|k| circle(k, around)).map(|q| center + (up * q.x + side * q.y) * (p.w * cos));
+                rings.push(ring.collect());
+            }
+            for w in rings.windows(2) {
+                for k in 0..around {
+                    let l = (k + 1) % around;
+                    all.extend(quad([w[0][k], w[0][l], w[1][l], w[1][k]]));
+                }
+            }
+            for u in [0.0, 1.0] {
+                let p = at(u);
+                let ball = super::sphere::Sphere::new(p.truncate(), p.w)?;
+                all.extend(ball.facets(around, &Bounds::INFINITE)?);
+            }
+        }
+        all.retain(|f| {
+            let middle = (f.p[0] + f.p[1] + f.p[2]) / 3.0;
+            let reach = (self.bounds.max - self.bounds.min).length();
+            let n = f.cross().normalize_or_zero();
+            // Chords lie within the body; the surface is at most so far above them.
+            let edge = f.p.iter().map(|p| (*p - middle).length()).fold(0.0, f64::max);
+            let off = 0.5 * edge + 1e-9 * reach;
+            has_area(f) && !(self.inside(middle + n * off) && self.inside(middle - n * off))
+        });
+        Some(all)
+    }
+
     fn bounds(&self) -> Bounds {
         self.bounds
     }

@@ -6,6 +6,7 @@ use etendue_scene::desc::classic::{OutlineSegment, TextShape};
 use glam::{DVec2, DVec3};
 
 use super::bvh::Bvh;
+use super::facets::{Facet, fill, has_area, quad};
 use super::roots::quadratic;
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
@@ -127,6 +128,23 @@ fn add(segment: OutlineSegment, out: &mut Vec<Piece>) {
 }
 
 impl Primitive for Text {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let [front, back] = self.depth;
+        let steps = |p: &Piece| if p.straight { 1 } else { (segments / 8).max(2) };
+        let letter = |range: &std::ops::Range<usize>| -> Vec<Facet> {
+            let edge = |p: &Piece, i: usize, n: usize| [p.at(i as f64 / n as f64), p.at((i + 1) as f64 / n as f64)];
+            let pieces = &self.pieces[range.clone()];
+            let edges: Vec<[DVec2; 2]> = pieces.iter().flat_map(|p| (0..steps(p)).map(move |i| edge(p, i, steps(p)))).collect();
+            let wall = |[a, b]: &[DVec2; 2]| quad([a.extend(front), b.extend(front), b.extend(back), a.extend(back)]);
+            let area = fill(&edges);
+            let caps = [front, back].into_iter().flat_map(|z| area.iter().map(move |t| Facet::new(t.map(|q| q.extend(z)))));
+            edges.iter().flat_map(wall).chain(caps).filter(has_area).collect()
+        };
+        let letters: Vec<Vec<Facet>> = self.letters.iter().map(letter).collect();
+        let moved = |f: &Facet, by: DVec3| Facet::new(f.p.map(|p| p + by));
+        Some(self.glyphs.iter().flat_map(|&(i, at)| letters[i as usize].iter().map(move |f| moved(f, at))).collect())
+    }
+
     fn bounds(&self) -> Bounds {
         self.bvh.bounds()
     }

@@ -3,6 +3,7 @@
 use etendue_procedural::fns;
 use glam::{DVec2, DVec3};
 
+use super::facets::{Facet, circle, revolve};
 use super::roots::quartic_in;
 use super::{Bounds, Crossing, Line, Primitive};
 
@@ -22,6 +23,12 @@ impl Torus {
 }
 
 impl Primitive for Torus {
+    fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let profile: Vec<DVec2> =
+            (0..=segments).map(|i| circle(i % segments, segments) * self.minor + DVec2::new(self.major, 0.0)).collect();
+        Some(revolve(&profile, segments))
+    }
+
     fn bounds(&self) -> Bounds {
         let r = self.major + self.minor;
         Bounds { min: DVec3::new(-r, -self.minor, -r), max: DVec3::new(r, self.minor, r) }

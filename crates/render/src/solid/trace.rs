@@ -87,7 +87,7 @@ impl Tree {
     }
 
     /// Whether a point is inside of any part but one.
-    fn any_inside(&self, group: &Group, p: DVec3, except: Option<u32>) -> bool {
+    pub(super) fn any_inside(&self, group: &Group, p: DVec3, except: Option<u32>) -> bool {
         let test = |i: u32| Some(i) != except && self.inside(group.children[i as usize], p);
         if group.unbounded_inside.iter().any(|&i| test(i)) {
             return true;
@@ -103,7 +103,7 @@ impl Tree {
     }
 
     /// Whether a point is inside of all parts but one.
-    fn all_inside(&self, group: &Group, p: DVec3, except: Option<u32>) -> bool {
+    pub(super) fn all_inside(&self, group: &Group, p: DVec3, except: Option<u32>) -> bool {
         let Some(bvh) = &group.by_point else {
             return group.children.iter().enumerate().all(|(i, &c)| Some(i as u32) == except || self.inside(c, p));
         };

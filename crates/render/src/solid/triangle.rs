@@ -3,6 +3,7 @@
 use etendue_scene::desc::classic;
 use glam::{DAffine3, DVec2, DVec3};
 
+use super::Facet;
 use super::{Bounds, Crossing, Line, NO_UV, Primitive};
 
 /// Triangle with barycentric coordinates of the second and third corner in its crossings.
@@ -75,6 +76,12 @@ pub(super) fn smooth(normals: &[DVec3; 3], uv: DVec2, flat: DVec3) -> DVec3 {
 }
 
 impl Primitive for Triangle {
+    fn facets(&self, _: usize, _: &Bounds) -> Option<Vec<Facet>> {
+        let p = [self.corner, self.corner + self.edges[0], self.corner + self.edges[1]];
+        let at = [DVec2::ZERO, DVec2::X, DVec2::Y].map(|uv| Crossing { uv, ..Crossing::new(0.0, 0) });
+        Some(vec![Facet { p, at: Some(at) }])
+    }
+
     fn bounds(&self) -> Bounds {
         Bounds::of_points([self.corner, self.corner + self.edges[0], self.corner + self.edges[1]])
     }

@@ -13,9 +13,20 @@ use super::trace::{Query, RawHit, Scratch};
 use super::tree::{Builder, Kind, NodeId, Tree};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive, RayKind, SolidHit};
 
+/// What photons are shot at.
+#[derive(Clone, Debug)]
+pub struct PhotonTarget {
+    /// Holds its surface.
+    pub bounds: Bounds,
+    /// Multiple of the scene's spacing.
+    pub spacing: f64,
+    /// Numbers of its leaves.
+    pub leaves: Vec<u32>,
+}
+
 /// All objects of a scene.
 pub struct World {
-    tree: Tree,
+    pub(super) tree: Tree,
     /// Over the roots of finite size, by index into the tree's roots.
     bvh: Bvh,
     /// Roots without finite box.
@@ -87,6 +98,29 @@ impl World {
     pub(crate) fn revisit(&self, leaf: u32, line: &Line, crossing: Crossing) -> SolidHit<'_> {
         let hit = RawHit { leaf, crossing: Crossing { t: 0.0, ..crossing } };
         SolidHit { t: crossing.t, crossing, ..self.hit(line, &hit) }
+    }
+
+    /// Top-level objects that photons are shot at.
+    pub fn photon_targets(&self) -> Vec<PhotonTarget> {
+        let mut targets = Vec::new();
+        for &root in &self.tree.roots {
+            let mut leaves = Vec::new();
+            self.leaves_below(root, &mut leaves);
+            let spacing = leaves.iter().filter_map(|&l| self.tree.leaves[l as usize].object.photons.target).reduce(f64::min);
+            if let Some(spacing) = spacing {
+                targets.push(PhotonTarget { bounds: self.tree.nodes[root as usize].bounds, spacing, leaves });
+            }
+        }
+        targets
+    }
+
+    fn leaves_below(&self, id: NodeId, out: &mut Vec<u32>) {
+        match &self.tree.nodes[id as usize].kind {
+            Kind::Leaf(leaf) => out.push(*leaf),
+            Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group) => {
+                group.children.iter().for_each(|&c| self.leaves_below(c, out));
+            }
+        }
     }
 
     /// Number of primitives.
@@ -237,7 +271,7 @@ impl World {
         self.tree.roots[i as usize]
     }
 
-    fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
+    pub(super) fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
         let leaf = &self.tree.leaves[hit.leaf as usize];
         let p = line.at(hit.crossing.t);
         let local = leaf.local_point(p);

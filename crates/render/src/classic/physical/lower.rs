@@ -24,7 +24,7 @@ const EDGE_ON: f64 = 0.2;
 /// bright as in the classic model.
 ///
 /// # Errors
-/// A sentence for cameras that have no physical counterpart here.
+/// A sentence where the camera's vectors make no camera.
 pub(super) fn lower(scene: &ClassicScene, focus: DVec3, size: [u32; 2]) -> Result<(SceneDesc, Vec<Loss>), String> {
     let mut lowering =
         Lowering { desc: SceneDesc::default(), losses: Vec::new(), space: WorkingSpace::new(&scene.settings), focus, null: BsdfId(0) };
@@ -73,9 +73,6 @@ impl Lowering {
         }
         if scene.lights.iter().any(|l| l.projected_through.is_some()) {
             self.lose("projected_through", "the light passes freely");
-        }
-        if scene.camera.normal.is_some() {
-            self.lose("camera normal", "the camera looks straight");
         }
     }
 
@@ -166,10 +163,15 @@ fn spot(location: DVec3, axis: DVec3, intensity: [f32; 3], outer: f64, inner: f6
     LightDesc::Spot { world_from_light, intensity, outer_rad, inner_rad, falloff: SpotFalloff::Smoothstep, texture: None }
 }
 
-/// The camera in the form of physical scenes. Its space may be mirrored: POV-Ray's is left-handed.
+/// Whether the camera shows straight lines as straight lines, so that it has a physical form.
+pub(super) fn is_flat(camera: &Camera) -> bool {
+    matches!(camera.kind, CameraKind::Perspective | CameraKind::Orthographic) && camera.normal.is_none()
+}
+
+/// The camera in the form of physical scenes; of those that are not flat its place and directions only. Its space may be mirrored: POV-Ray's is left-handed.
 ///
 /// # Errors
-/// A sentence for cameras that have no physical counterpart here.
+/// A sentence where the camera's vectors make no camera.
 pub(crate) fn camera(camera: &Camera, size: [u32; 2]) -> Result<CameraDesc, String> {
     let [right, up, forward] = [camera.right, camera.up, camera.direction];
     let lengths = [right.length(), up.length(), forward.length()];
@@ -202,11 +204,17 @@ pub(crate) fn camera(camera: &Camera, size: [u32; 2]) -> Result<CameraDesc, Stri
                 ProjectionDesc::Orthographic { half_width: (0.5 * lengths[0]) as f32, half_height: Some((0.5 * lengths[1]) as f32) };
             (columns(right_unit, up / lengths[1], back), projection)
         }
-        _ => {
-            return Err(
-                "only perspective and orthographic cameras of POV-Ray scenes can be used by this integrator; `whitted` has all".to_owned()
-            );
-        }
+        // Stands in; rays are those of the classic model.
+        _ => (
+            columns(right_unit, up / lengths[1], back),
+            ProjectionDesc::Perspective {
+                fov_rad: 1.0,
+                fov_axis: FovAxis::X,
+                aperture_radius: 0.0,
+                focus_distance: 1.0,
+                principal_point_offset: [0.0; 2],
+            },
+        ),
     };
     Ok(CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium: None })
 }

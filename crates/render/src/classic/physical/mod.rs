@@ -6,22 +6,25 @@
 //! light, lights without shadows beside others (docs/guide/formats-pov.md has the list).
 
 mod lower;
+mod meshes;
 mod shade;
 
 pub(crate) use lower::camera;
+pub use meshes::{MeshOptions, meshes};
 
 use std::collections::HashMap;
 use std::sync::Arc;
 
 use etendue_procedural::{Context, Finish, Texture, TextureFill};
 use etendue_scene::Loss;
-use etendue_scene::desc::classic::{ClassicScene, Interior, Object as Solid};
+use etendue_scene::desc::classic::{Camera, ClassicScene, Interior, Object as Solid};
 use etendue_scene::desc::{Color, Param, SceneDesc};
 use glam::{DVec2, DVec3};
 
 use super::ClassicWorld;
 use super::trace::NEAR;
 use crate::accel::Ray;
+use crate::camera::CameraRay;
 use crate::light::EnvironmentLight;
 use crate::math::{Aabb, Frame, Mat4, Vec2, Vec3};
 use crate::medium::{Homogeneous, Medium, Phase};
@@ -51,6 +54,8 @@ pub struct Physical {
     classic: ClassicWorld,
     /// Object, in the world's geometry, of the first leaf; the other leaves' follow.
     first_object: u32,
+    /// The camera has no physical counterpart: its rays are those of the classic model.
+    has_own_rays: bool,
 }
 
 impl Physical {
@@ -59,8 +64,10 @@ impl Physical {
         // Light between surfaces is what the integrators are for.
         let mut scene = scene.clone();
         scene.settings.radiosity = None;
+        scene.settings.photons = None;
         let (classic, warnings) = ClassicWorld::new(&scene, size);
-        (Self { classic, first_object: 0 }, warnings)
+        let has_own_rays = !lower::is_flat(&scene.camera);
+        (Self { classic, first_object: 0, has_own_rays }, warnings)
     }
 
     /// Lights and camera as a description, with what is not kept of them.
@@ -69,6 +76,33 @@ impl Physical {
     /// A sentence for cameras that only the classic model has.
     pub(crate) fn lower(&self, size: [u32; 2]) -> Result<(SceneDesc, Vec<Loss>), String> {
         lower::lower(&self.classic.scene, self.focus(size), size)
+    }
+
+    /// Whether rays of the camera can be made, but places in the picture of points in space cannot be told.
+    pub(crate) fn has_own_rays(&self) -> bool {
+        self.has_own_rays
+    }
+
+    /// Looks from another camera, for a picture of a size.
+    pub(crate) fn set_camera(&mut self, camera: Camera, size: [u32; 2]) {
+        self.has_own_rays = !lower::is_flat(&camera);
+        self.classic.set_camera(camera, size);
+    }
+
+    /// A ray of the camera, in place of the one of the flat camera that stands for it.
+    pub(crate) fn camera_ray(&self, flat: CameraRay) -> CameraRay {
+        if !self.has_own_rays {
+            return flat;
+        }
+        let [picture, lens] = [flat.picture, flat.u_lens].map(|v| v.as_dvec2());
+        match self.classic.rays.line(&self.classic, picture, lens) {
+            Some(line) => {
+                let t_max = self.classic.rays.max_distance() as f32;
+                let ray = Ray { o: line.o.as_vec3(), d: line.d.as_vec3().normalize_or(Vec3::Z), t_min: 0.0, t_max };
+                CameraRay { ray, ..flat }
+            }
+            None => CameraRay { ray: Ray { t_max: 0.0, ..flat.ray }, weight: 0.0, ..flat },
+        }
     }
 
     /// What the picture is about: the surface of middle distance among those that a grid of camera rays meets, else the middle of what has

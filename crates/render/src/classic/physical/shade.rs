@@ -15,14 +15,14 @@ use crate::spectrum::Spectrum;
 
 /// What a stack of layers does with light, summed over the layers.
 #[derive(Default)]
-struct Shares {
-    diffuse: DVec3,
-    gloss: DVec3,
+pub(super) struct Shares {
+    pub(super) diffuse: DVec3,
+    pub(super) gloss: DVec3,
     /// Width of the highlights: α of the microfacets, weighted by `gloss`.
-    alpha: f64,
-    mirror: DVec3,
-    passing: DVec3,
-    normal: Option<DVec3>,
+    pub(super) alpha: f64,
+    pub(super) mirror: DVec3,
+    pub(super) passing: DVec3,
+    pub(super) normal: Option<DVec3>,
 }
 
 /// The most that a surface may return; the rest keeps paths from going on for ever.
@@ -78,7 +78,7 @@ impl Physical {
         Spectrum::from_rgb(sum.as_vec3().max(Vec3::ZERO).to_array())
     }
 
-    fn shares(&self, layers: &[Layer], context: &Context, n: DVec3, view: DVec3, hit: &SolidHit<'_>) -> Shares {
+    pub(super) fn shares(&self, layers: &[Layer], context: &Context, n: DVec3, view: DVec3, hit: &SolidHit<'_>) -> Shares {
         let mut s = Shares { passing: DVec3::ONE, ..Shares::default() };
         for layer in layers.iter().rev() {
             let pigment = layer.pigment.color(context);
@@ -167,7 +167,7 @@ impl Physical {
 }
 
 /// Refractive index of the object over that of empty space.
-fn index(hit: &SolidHit<'_>, layers: &[Layer]) -> f64 {
+pub(super) fn index(hit: &SolidHit<'_>, layers: &[Layer]) -> f64 {
     let old = layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
     let ior = hit.object.interior.as_ref().map_or(old.unwrap_or(1.0), |i| i.ior);
     if ior > 0.01 && ior < 100.0 { ior } else { 1.0 }

@@ -12,7 +12,7 @@ use super::{Names, Scene};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
-use crate::classic::physical::Physical;
+use crate::classic::physical::{MeshOptions, Physical, meshes};
 use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::{self, MediumStack};
@@ -28,12 +28,42 @@ pub fn compile(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> R
     let Some(classic) = desc.classic.as_ref().filter(|_| !crate::classic::is_asked_for(desc, settings)) else {
         return compile_with(desc, settings, size, None);
     };
+    if needs_triangles(desc, settings) {
+        return compile_triangles(desc, settings, size);
+    }
     let (solids, mut warnings) = Physical::new(classic, size);
     let fault = |message| vec![Fault { severity: Severity::Error, span: Span::default(), message }];
+    let name = settings.integrator.as_deref().unwrap_or(&desc.integrator.name);
+    if solids.has_own_rays() && matches!(name, "light" | "bdpt" | "vcm" | "mlt") {
+        return Err(fault(format!(
+            "`{name}` connects light to the camera, which it can only with flat pictures: perspective and orthographic"
+        )));
+    }
     let (lights, losses) = solids.lower(size).map_err(fault)?;
     warnings.extend(losses.into_iter().map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
     let mut scene = compile_with(&lights, settings, size, Some(Box::new(solids)))?;
     scene.warnings.extend(warnings);
+    scene.light_hash = settings.photon_map.is_some().then(|| desc.light_hash());
+    Ok(scene)
+}
+
+/// Whether the integrator cannot work with exact solids.
+fn needs_triangles(desc: &SceneDesc, settings: &RenderSettings) -> bool {
+    let name = settings.integrator.as_deref().unwrap_or(&desc.integrator.name);
+    matches!(name, "raster" | "radiosity")
+}
+
+/// A classic scene in triangles.
+fn compile_triangles(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]) -> Result<Scene, Vec<Fault>> {
+    let segments = settings.tessellation.unwrap_or(crate::solid::tessellate::SEGMENTS);
+    let options = MeshOptions { segments, size, right_handed: false };
+    let fault = |message| vec![Fault { severity: Severity::Error, span: Span::default(), message }];
+    let meshes = meshes(desc, &options).map_err(fault)?;
+    let settings = RenderSettings { camera: None, ..settings.clone() };
+    let mut scene = compile_with(&meshes, &settings, size, None)?;
+    let known = desc.report.losses.len();
+    let lost = meshes.report.losses.iter().skip(known);
+    scene.warnings.extend(lost.map(|l| format!("not honored: {}: {}", l.feature, l.effect)));
     scene.light_hash = settings.photon_map.is_some().then(|| desc.light_hash());
     Ok(scene)
 }
