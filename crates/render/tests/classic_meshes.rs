@@ -55,7 +55,8 @@ fn bodies_have_their_volume() {
     check("cone { 0, 1, y, .5 scale <2, 1, 1> }", 2.0 * PI / 3.0 * 1.75, 0.004);
     check("torus { 1, .25 }", 2.0 * PI * PI * 0.0625, 0.006);
     check("lathe { linear_spline 5, <0, 0>, <1, 0>, <1, 2>, <.5, 2>, <.5, 0> }", PI * 1.5, 0.004);
-    check("prism { linear_spline 0, 2, 10, <0,0>, <2,0>, <2,2>, <0,2>, <0,0>, <.5,.5>, <1,.5>, <1,1>, <.5,1>, <.5,.5> }", 7.5, 1e-5);
+    // A hole's points go round the other way, as the walls of both face the side that its points say.
+    check("prism { linear_spline 0, 2, 10, <0,0>, <2,0>, <2,2>, <0,2>, <0,0>, <.5,.5>, <.5,1>, <1,1>, <1,.5>, <.5,.5> }", 7.5, 1e-5);
     check("sphere_sweep { linear_spline 2, <-1, 0, 0>, .5, <1, 0, 0>, .5 }", PI * 0.5 + PI / 6.0, 0.05);
 }
 

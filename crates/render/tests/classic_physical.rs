@@ -136,12 +136,31 @@ fn the_picture_does_not_depend_on_threads() {
 }
 
 #[test]
-fn cameras_that_only_the_classic_model_has_are_an_error_by_name() {
-    let desc = read("camera { fisheye location -5*z look_at 0 }");
-    let settings = RenderSettings { integrator: Some("path".to_owned()), ..RenderSettings::default() };
-    let plan = Plan::new(&desc, &settings, None).unwrap();
-    let error = job::prepare(&desc, &settings, &plan, &[]).map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("whitted"), "{error}");
+fn methods_from_both_ends_refuse_curved_cameras_by_name() {
+    let desc = pov::read_bytes(
+        Path::new("test.pov"),
+        b"camera { fisheye location -5*z look_at 0 } sphere { 0, 1 pigment { rgb 1 } } light_source { <3, 3, -5> rgb 1 }",
+        &ReadOptions::default(),
+    )
+    .unwrap();
+    let render = |integrator: &str| {
+        let size = Some(8);
+        let settings = RenderSettings {
+            integrator: Some(integrator.to_owned()),
+            width: size,
+            height: size,
+            spp: Some(1),
+            ..RenderSettings::default()
+        };
+        let plan = Plan::new(&desc, &settings, None).unwrap();
+        let mut session = job::prepare(&desc, &settings, &plan, &[]).map_err(|e| e.to_string())?;
+        session.render(&Stop { spp: Some(1), ..Stop::default() }, &Cancel::default(), &Silent).map(|_| ()).map_err(|e| e.to_string())
+    };
+    render("path").unwrap();
+    for name in ["light", "bdpt", "vcm", "mlt"] {
+        let error = render(name).unwrap_err();
+        assert!(error.contains("camera"), "{name}: {error}");
+    }
 }
 
 #[test]

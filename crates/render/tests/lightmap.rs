@@ -586,11 +586,17 @@ fn both_sides_of_a_cut_through_a_sphere_agree() {
 }
 
 #[test]
-fn povray_scenes_are_refused_by_name() {
+fn povray_scenes_bake_through_triangles() {
     let path = std::env::temp_dir().join(format!("etendue-bake-{}.pov", std::process::id()));
-    std::fs::write(&path, "sphere { 0, 1 }").unwrap();
+    std::fs::write(&path, "sphere { 0, 1 pigment { rgb 1 } } light_source { <3, 5, -4> rgb 1 }").unwrap();
     let desc = etendue_scene::formats::read(&path, &ReadOptions::default()).unwrap();
     std::fs::remove_file(&path).unwrap();
-    let error = Bake::new(&desc, &RenderSettings::default(), &small(), "path").err().unwrap();
-    assert!(error.to_string().contains("POV-Ray"), "{error}");
+    let bake = Bake::new(&desc, &RenderSettings::default(), &small(), "path").unwrap();
+    let stage = Stage::without_camera(0, &|| false, &|_, _| {});
+    let method = bake.method("path", true, &stage, &mut Vec::new()).unwrap();
+    let mut solution = Solution::new(bake.point_count());
+    bake.solve(&method, Stop { spp: Some(4), ..Stop::default() }, &mut solution, &Cancel::default(), &Quiet);
+    let lit = (0..solution.sums.len()).filter_map(|i| solution.irradiance(i)).filter(|e| e[0] > 0.0).count();
+    let all = solution.sums.len();
+    assert!(lit * 4 > all && lit * 4 < 3 * all, "about half of a sphere is lit: {lit} of {all}");
 }

@@ -320,7 +320,7 @@ fn all_methods_agree_with_path_tracing_in_a_room() {
         .collect();
     let mean = |v: &[[f64; 3]]| v.iter().flatten().sum::<f64>() / (3 * v.len()) as f64;
     let fine = Settings { error: 2e-4, ..with(Method::Hierarchical, 400_000) };
-    for s in [fine, with(Method::Progressive, 4000), with(Method::Matrix, 4000)] {
+    for s in [fine, with(Method::Progressive, 6000), with(Method::Matrix, 4000)] {
         let solution = solved(&scene, &s);
         let found: Vec<[f64; 3]> =
             (0..REGIONS.len()).map(|r| over_region(r, 500, |ray, _| irradiance(&scene, &solution, ray.o, ray.d))).collect();

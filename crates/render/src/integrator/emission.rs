@@ -10,6 +10,7 @@ use crate::light::{Light, LightContext, LightSampler, LightSelection, SceneSpher
 use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
 use crate::medium::MediumStack;
 use crate::scene::{Scene, Surface};
+use crate::shape::Shape;
 use crate::spectrum::Spectrum;
 
 /// Borders between the camera and a light that are looked at to find the light's medium.
@@ -58,6 +59,8 @@ pub struct EmissionSampler {
     sphere: SceneSphere,
     /// The media that each light is in; empty where the scene has none.
     media: Vec<MediumStack>,
+    /// Surfaces without end may be between the sphere and infinite lights.
+    may_hide: bool,
 }
 
 impl EmissionSampler {
@@ -66,7 +69,8 @@ impl EmissionSampler {
         let sphere = scene.sphere();
         let lights = LightSampler::new(&scene.lights, &sphere, LightSelection::Power);
         let media = if scene.has_media { scene.lights.par_iter().map(|l| media_at(scene, &sphere, l)).collect() } else { Vec::new() };
-        Self { lights, sphere, media }
+        let may_hide = scene.solids.is_some() || scene.geometries.iter().any(|g| g.shapes.iter().any(|s| matches!(s, Shape::Plane(_))));
+        Self { lights, sphere, media, may_hide }
     }
 
     /// The media that the rays of a light start in. One for the whole light: a border may not go through it.
@@ -116,6 +120,9 @@ impl EmissionSampler {
             pdf_position: sample.pdf_position,
             pdf_direction: sample.pdf_direction,
         };
+        if self.may_hide && scene.lights[light as usize].is_infinite() && scene.occluded(&Ray::new(sample.o, -sample.d)) {
+            return None;
+        }
         // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.
         let power = emission.power();
         (power.is_finite() && !power.is_black()).then_some(emission)

@@ -149,7 +149,8 @@ impl Bidirectional {
         let distance_2 = if sample.dist.is_finite() { sample.dist * sample.dist } else { 1.0 };
         let to_light = if matches!(light, Light::Area(_)) { sample.n.dot(sample.wi).abs() / distance_2 } else { 1.0 };
         let cos = v.cos(sample.wi);
-        let (own, first) = self.emission_densities(scene, index, sample.p, sample.n, -sample.wi, cos, distance_2);
+        let point = if light.is_infinite() { v.p } else { sample.p };
+        let (own, first) = self.emission_densities(scene, index, point, sample.n, -sample.wi, cos, distance_2);
         let nee = pmf * sample.pdf * to_light;
         if radiance.is_black() || !(nee > 0.0) {
             return None;
