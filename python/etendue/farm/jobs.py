@@ -398,6 +398,11 @@ class Jobs:
                 units = units.where(Unit.frame_id == which.id)
                 frames = frames.where(Frame.id == which.id)
             again = rows_changed(session.execute(units.values(state=UnitState.QUEUED.value, attempts=0, losses=0, error=None)))
+            # What is still under way in those frames starts to count anew as well: its last try may fail for the reason that is gone.
+            retried = select(Frame.id).where(Frame.job_id == job.id, Frame.state.in_([FrameState.FAILED.value, FrameState.CANCELLED.value]))
+            live = update(Unit).where(Unit.job_id == job.id, Unit.frame_id.in_(retried)).execution_options(synchronize_session=False)
+            session.execute(live.where(Unit.state == UnitState.RUNNING.value, Unit.attempts > 1).values(attempts=1))
+            session.execute(live.where(Unit.state == UnitState.QUEUED.value).values(attempts=0, losses=0))
             freed = rows_changed(session.execute(frames.values(state=FrameState.QUEUED.value, error=None)))
             if not again and not freed:
                 raise ConflictError("nothing here has failed or was cancelled")
