@@ -63,9 +63,10 @@ pub fn meshes(desc: &SceneDesc, options: &MeshOptions) -> Result<SceneDesc, Stri
     meshing.add_sky();
     meshing.add_meshes(options.segments)?;
     let losses = meshing.losses;
-    // Lights are not seen in POV-Ray; where surfaces glow, they are, and so are the lights.
+    // Lights are not seen in POV-Ray; where surfaces glow or there is a sky, those are, and so are the lights.
+    let has_sky = made.lights.iter().any(|l| matches!(l.value, LightDesc::Constant { .. } | LightDesc::Environment { .. }));
     made.integrator.hide_lights =
-        made.shapes.iter().all(|s| s.value.emission.is_none() || s.value.bsdf.is_some_and(|b| made[b].value == BsdfDesc::Null));
+        !has_sky && made.shapes.iter().all(|s| s.value.emission.is_none() || s.value.bsdf.is_some_and(|b| made[b].value == BsdfDesc::Null));
     made.format = desc.format.clone();
     made.files = desc.files.clone();
     made.film = desc.film.clone();
