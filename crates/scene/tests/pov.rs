@@ -53,6 +53,18 @@ fn fails(text: &str, message: &str) {
     assert!(error.contains(message), "{text}: {error}");
 }
 
+/// `functions.inc` declares f_comma as internal 9; its formula is not known.
+#[test]
+fn functions_without_a_formula_are_reported() {
+    let declared = "#declare f_comma = function { internal(9) }";
+    for text in ["#declare V = f_comma(1, 2, 3);", "#declare F = function { f_comma(x, y, z) + x }", "#declare V = 1;"] {
+        let text = format!("{declared}\n{text}");
+        let desc = pov::read_bytes(Path::new("test.pov"), text.as_bytes(), &ReadOptions::default()).unwrap();
+        let reported = desc.report.losses.iter().any(|l| l.feature.contains("f_comma"));
+        assert_eq!(reported, !text.ends_with("V = 1;"), "{text}");
+    }
+}
+
 /// Values that POV-Ray 3.7.0.10 prints for the same text, unless a comment says otherwise.
 #[test]
 fn as_measured() {

@@ -18,12 +18,12 @@ from pathlib import Path
 from typing import Any, cast
 
 import etendue
-from etendue.farm import arguments, collect, openjd, runner
+from etendue.farm import arguments, charge, collect, openjd, runner
 from etendue.farm.accounts import Actor
 from etendue.farm.errors import FarmError, InvalidError
 from etendue.farm.jobs import JobFilter, check_spec
 from etendue.farm.remote import RemoteFarm
-from etendue.farm.service import Farm, scheduler_is_up
+from etendue.farm.service import Farm
 from etendue.farm.spec import MAX_RUNS, JobSpec, Setting
 from etendue.farm.states import JOB_ENDED, JobState, Role
 from etendue.farm.views import JobDetail, JobView, View
@@ -123,7 +123,7 @@ def _terminated() -> Iterator[None]:
 
 def _check_free(farm: Farm) -> None:
     with farm.database.read() as session:
-        if scheduler_is_up(session):
+        if charge.is_held(session):
             _say("note: the last scheduler of this farm was at work a moment ago")
 
 

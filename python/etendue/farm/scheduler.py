@@ -7,25 +7,22 @@ anew.
 
 from __future__ import annotations
 
-import os
-import socket
 import threading
 import time
-import uuid
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session
 
 from etendue import ImageError, _etendue
-from etendue.farm import planning, webhook
+from etendue.farm import planning
 from etendue.farm.backend import Backend, Ended, NodeInfo
-from etendue.farm.errors import ConflictError, FarmError
+from etendue.farm.charge import Charge
+from etendue.farm.endings import Endings
 from etendue.farm.events import log
 from etendue.farm.frames import Frames
-from etendue.farm.models import Frame, Job, JobNeed, Node, Setting, Unit, User
+from etendue.farm.models import Frame, Job, JobNeed, Node, Unit, User
 from etendue.farm.orders import (
     Done,
     Finished,
@@ -39,7 +36,7 @@ from etendue.farm.orders import (
 )
 from etendue.farm.policy import ActiveJob, Waiting, order_jobs, pick
 from etendue.farm.preview import Previews
-from etendue.farm.service import SCHEDULER_KEY, SCHEDULER_SECS, Farm
+from etendue.farm.service import Farm
 from etendue.farm.spec import JobSpec
 from etendue.farm.states import FrameState, JobState, NodeState, UnitKind, UnitState
 
@@ -96,7 +93,7 @@ class Scheduler:
         self._farm, self._backend, self._config = farm, backend, farm.config
         self._cache = cache
         self._database, self._store = farm.database, farm.store
-        self._token = uuid.uuid4().hex
+        self._charge = Charge()
         self._frames = Frames(farm.config, farm.store)
         self._previews = Previews()
         self._jobs: dict[int, ActiveJob] = {}
@@ -107,8 +104,8 @@ class Scheduler:
         self._attempts: Counter[str] = Counter()
         self._next_sync = self._next_nodes = self._next_heartbeat = 0.0
         self._restart_at: dict[str, float] = {}
-        self._hooks = ThreadPoolExecutor(2, thread_name_prefix="webhook")
         self._stop = threading.Event()
+        self._endings = Endings(farm.database, farm.config, self._stop)
         self.thread: threading.Thread | None = None
         """Where it runs, if someone has started it in a thread."""
         self._take_over()
@@ -148,32 +145,21 @@ class Scheduler:
 
     def close(self) -> None:
         """Give up the farm: units in work go back to the queue."""
-        self._hooks.shutdown(wait=True)
+        self._endings.close()
         running = [w.task.unit for w in self._workers.values() if w.task is not None and w.task.unit is not None]
         with self._database.begin() as session:
             session.execute(update(Unit).where(Unit.id.in_(running), Unit.state == "running").values(state=UnitState.QUEUED.value))
             session.execute(update(Node).values(state=NodeState.DEAD.value, running=0, workers=0))
-            row = session.get(Setting, SCHEDULER_KEY)
-            if row is not None and row.value.get("token") == self._token:
-                session.delete(row)
+            self._charge.release(session)
         self._backend.close()
 
     # ---- who is in charge, and what the last one left ----
 
     def _take_over(self) -> None:
         with self._database.begin() as session:
-            row = session.get(Setting, SCHEDULER_KEY)
-            if row is not None and time.time() - float(row.value.get("at", 0.0)) < SCHEDULER_SECS and _is_alive(row.value):
-                raise ConflictError(
-                    f"a scheduler of this farm is at work already (process {row.value.get('pid')} on {row.value.get('host')})"
-                )
-            value = {"token": self._token, "at": time.time(), "pid": os.getpid(), "host": socket.gethostname()}
-            if row is None:
-                session.add(Setting(key=SCHEDULER_KEY, value=value))
-            else:
-                row.value = value
+            who = self._charge.take(session)
             session.execute(update(Node).values(state=NodeState.DEAD.value, running=0, workers=0))
-            log(session, "farm-up", f"the scheduler has begun (process {os.getpid()} on {socket.gethostname()})")
+            log(session, "farm-up", f"the scheduler has begun ({who})")
         self._recover()
 
     def _recover(self) -> None:
@@ -205,12 +191,9 @@ class Scheduler:
 
     def _heartbeat(self) -> None:
         with self._database.begin() as session:
-            row = session.get(Setting, SCHEDULER_KEY)
-            if row is None or row.value.get("token") != self._token:
-                # Someone has taken over, as after a long sleep of this machine: two schedulers would do everything twice.
+            if not self._charge.renew(session):
+                # Two schedulers would do everything twice.
                 self._stop.set()
-                return
-            row.value = {**row.value, "at": time.time()}
 
     # ---- nodes ----
 
@@ -306,7 +289,7 @@ class Scheduler:
                 needs = list(session.scalars(select(Job).join(JobNeed, JobNeed.needs_id == Job.id).where(JobNeed.job_id == job_id)))
                 bad = [need.id for need in needs if need.state in (JobState.FAILED, JobState.CANCELLED)]
                 if bad:
-                    self._end_job(session, job, JobState.FAILED, f"it needs job {bad[0]}, which has not come to its end")
+                    self._endings.end_job(session, job, JobState.FAILED, f"it needs job {bad[0]}, which has not come to its end")
                 elif all(need.state == JobState.DONE for need in needs):
                     job.state = JobState.QUEUED.value
                     job.version += 1
@@ -517,7 +500,7 @@ class Scheduler:
             node.units_done += 1
         job.version += 1
         ready.extend((job, frame, order) for order in orders)
-        self._settle(session, job, frame)
+        self._endings.settle(session, job, frame)
 
     def _take_failure(
         self, session: Session, job: Job, frame: Frame, unit: Unit | None, task: Task, end: Ended, worker: WorkerState
@@ -549,7 +532,7 @@ class Scheduler:
             if again:
                 self._pending.append(Task(task.order, task.job, task.frame, task.number, None, 0.0))
             else:
-                self._fail_frame(session, job, frame, f"its films could not be merged: {error}")
+                self._endings.fail_frame(session, job, frame, f"its films could not be merged: {error}")
             return
         if self._has_copy(unit.id):
             return
@@ -568,70 +551,10 @@ class Scheduler:
             return
         unit.state, unit.finished_at = UnitState.FAILED.value, time.time()
         job.units_failed += 1
-        self._fail_frame(session, job, frame, error)
+        self._endings.fail_frame(session, job, frame, error)
 
     def _has_copy(self, unit: int) -> bool:
         return any(w.task is not None and w.task.unit == unit for w in self._workers.values())
-
-    def _fail_frame(self, session: Session, job: Job, frame: Frame, error: str) -> None:
-        if frame.state == FrameState.FAILED:
-            return
-        frame.state, frame.error, frame.finished_at = FrameState.FAILED.value, error, time.time()
-        job.frames_failed += 1
-        job.error = job.error or f"frame {frame.number}: {error}"
-        job.version += 1
-        self._settle(session, job, frame)
-
-    def _settle(self, session: Session, job: Job, frame: Frame) -> None:
-        """End the job, or let it wait for approval, where nothing of it is left to do."""
-        session.flush()
-        if frame.state not in (FrameState.DONE, FrameState.FAILED) or job.state not in (JobState.QUEUED, JobState.RUNNING, JobState.PAUSED):
-            return
-        counts = {
-            row[0]: row[1] for row in session.execute(select(Frame.state, func.count()).where(Frame.job_id == job.id).group_by(Frame.state))
-        }
-        if counts.get(FrameState.QUEUED.value, 0) or counts.get(FrameState.RUNNING.value, 0):
-            return
-        if counts.get(FrameState.HELD.value, 0):
-            job.state = JobState.APPROVAL.value
-            log(session, "job-approval", "the first frames are done; the rest waits for approval", job=job.id)
-            self._notify(session, job)
-        elif counts.get(FrameState.FAILED.value, 0):
-            self._end_job(session, job, JobState.FAILED, job.error or "a frame has failed")
-        else:
-            job.progress = 1.0
-            self._end_job(session, job, JobState.DONE, None)
-
-    def _end_job(self, session: Session, job: Job, state: JobState, error: str | None) -> None:
-        job.state, job.error, job.finished_at = state.value, error, time.time()
-        job.version += 1
-        text = "done" if error is None else f"failed: {error}"
-        log(session, f"job-{state}", text, level="info" if error is None else "error", job=job.id)
-        self._notify(session, job)
-
-    def _notify(self, session: Session, job: Job) -> None:
-        url = job.spec.get("notify")
-        if not url:
-            return
-        owner = session.get_one(User, job.owner_id).name
-        keys = ("id", "name", "state", "error", "frames_total", "frames_done", "frames_failed", "core_secs", "cost", "finished_at")
-        content = {"owner": owner, **{key: getattr(job, key) for key in keys}}
-        self._hooks.submit(self._send, job.id, str(url), content)
-
-    def _send(self, job_id: int, url: str, content: dict[str, object]) -> None:
-        text, level = "", "info"
-        for attempt in range(3):
-            try:
-                status = webhook.post(url, content, allow_private=self._config.private_webhooks)
-                text, level = f"notified: the answer was {status}", "info" if status < 400 else "warning"
-                break
-            except FarmError as e:
-                text, level = f"not notified: {e}", "warning"
-                if self._stop.wait(2.0**attempt):
-                    break
-        with self._database.begin() as session:
-            if session.get(Job, job_id) is not None:
-                log(session, "job-notified", text, level=level, job=job_id)
 
     def _write_previews(self) -> None:
         for frame_id in self._previews.due():
@@ -656,16 +579,3 @@ def _active(session: Session, job: Job) -> ActiveJob:
 def _rect(edges: list[int]) -> planning.Rect:
     x0, y0, x1, y1 = edges
     return x0, y0, x1, y1
-
-
-def _is_alive(value: dict[str, object]) -> bool:
-    """Return whether the process that a scheduler's row names may still run."""
-    if value.get("host") != socket.gethostname():
-        return True
-    try:
-        os.kill(int(str(value.get("pid"))), 0)
-    except (ProcessLookupError, ValueError):
-        return False
-    except PermissionError:
-        return True
-    return True

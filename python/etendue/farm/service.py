@@ -24,23 +24,18 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 import etendue
-from etendue.farm import check, packages
+from etendue.farm import charge, check, packages
 from etendue.farm.accounts import Accounts, Actor
 from etendue.farm.config import FarmConfig, default_root
 from etendue.farm.database import Database
 from etendue.farm.errors import ConflictError, FarmError, NotFoundError, QuotaError
 from etendue.farm.events import audit
 from etendue.farm.jobs import Jobs, check_page
-from etendue.farm.models import Job, Node, Package, PackageUser, Setting, Unit, User
+from etendue.farm.models import Job, Node, Package, PackageUser, Unit, User
 from etendue.farm.pictures import Pictures
 from etendue.farm.states import JOB_ENDED, NodeState, Role, UnitState
 from etendue.farm.store import Store
 from etendue.farm.views import CostRow, FarmStatus, NodeView, PackageView, Page
-
-SCHEDULER_KEY = "scheduler"
-"""The setting in which the scheduler tells that it is at work."""
-SCHEDULER_SECS = 15.0
-"""A scheduler that has not told so for this time is gone."""
 
 
 class Farm:
@@ -212,7 +207,7 @@ class Farm:
             ended = [state.value for state in JOB_ENDED]
             units = select(Unit.state, func.count()).join(Job, Unit.job_id == Job.id).where(Job.state.not_in(ended)).group_by(Unit.state)
             counts = {row[0]: row[1] for row in session.execute(units)}
-            is_up = scheduler_is_up(session)
+            is_up = charge.is_held(session)
         return FarmStatus(
             is_up=is_up,
             nodes_alive=nodes,
@@ -269,12 +264,6 @@ class Farm:
             sorted(rows.values(), key=lambda r: r.key) if by == "day" else sorted(rows.values(), key=lambda r: (-r.cost, -r.core_secs))
         )
         return ordered
-
-
-def scheduler_is_up(session: Session) -> bool:
-    """Return whether a scheduler has told lately that it is at work."""
-    row = session.get(Setting, SCHEDULER_KEY)
-    return row is not None and bool(row.value) and time.time() - float(row.value.get("at", 0.0)) < SCHEDULER_SECS
 
 
 def _package_view(row: Package, mine: PackageUser) -> PackageView:

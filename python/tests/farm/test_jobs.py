@@ -107,18 +107,18 @@ def test_a_scheduler_that_is_killed_loses_no_finished_unit(farm: Farm, actor: Ac
 
     first.until(lambda: done() >= 2)
     # As if the process was killed: nothing is given back, and results that come later are lost with it.
-    first.scheduler._hooks.shutdown()
+    first.scheduler._endings.close()
     with farm.database.begin() as session:
         session.execute(update(Unit).where(Unit.state == "running").values(attempts=7))
     before = done()
     first.backend.close()
-    from etendue.farm import scheduler as module
+    from etendue.farm import charge as module
 
-    original, module._is_alive = module._is_alive, lambda _: False  # type: ignore[assignment]
+    original, module._may_run = module._may_run, lambda _: False  # type: ignore[assignment]
     try:
         second = Runner(farm, tmp_path / "cache", ("c",))
     finally:
-        module._is_alive = original  # type: ignore[assignment]
+        module._may_run = original  # type: ignore[assignment]
     assert done() >= before
     job = second.finish(farm.jobs.get(actor, job_id))
     second.scheduler.close()

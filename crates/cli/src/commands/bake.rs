@@ -13,10 +13,10 @@ use etendue_render::lightmap::fill::Map;
 use etendue_render::lightmap::output::{self, Display};
 use etendue_render::lightmap::probes::{self, Grid};
 use etendue_render::lightmap::{self, Bake, BakeError, BakeOptions, Baked, Content, Sides, Solution, Target, Watcher};
-use etendue_render::session::{Cancel, Observer, Status, Stop};
+use etendue_render::session::{Observer, Status, Stop};
 
 use super::render::parse_duration;
-use super::{note, report_losses};
+use super::{note, on_interrupt, report_losses};
 use crate::exit::{self, coded};
 use crate::progress::{self, Progress};
 use crate::scene_args::SceneArgs;
@@ -168,14 +168,7 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
     let bake = Bake::new(&desc, settings, &options, &name).map_err(|e| failed(e, &desc))?;
     bake.flat.notes.iter().for_each(|n| say(&format!("note: {n}")));
     describe(&bake, say);
-    let cancel = Cancel::default();
-    let handler = cancel.clone();
-    let _ = ctrlc::set_handler(move || {
-        if handler.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        handler.cancel();
-    });
+    let cancel = on_interrupt();
     let mode = if args.quiet && args.progress == progress::Mode::Auto { progress::Mode::None } else { args.progress };
     let watcher = Watch::new(&bake, Progress::new(mode), args);
     let is_cancelled = || cancel.is_cancelled();

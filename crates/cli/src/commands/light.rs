@@ -21,7 +21,7 @@ use etendue_scene::{RenderSettings, SceneDesc};
 use serde_json::{Value, json};
 
 use super::render::job_error;
-use super::{note, report_losses};
+use super::{note, on_interrupt, report_losses};
 use crate::exit::{self, coded};
 use crate::scene_args::SceneArgs;
 use crate::settings::SettingsArgs;
@@ -87,15 +87,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !args.quiet {
         report_losses(&desc);
     }
-    let cancel = Cancel::default();
-    let handler = cancel.clone();
-    // Setting a handler fails only where one exists, as in tests.
-    let _ = ctrlc::set_handler(move || {
-        if handler.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        handler.cancel();
-    });
+    let cancel = on_interrupt();
     let Some(measured) = pool.install(|| measure_grids(&args, &desc, &cancel))? else { return Ok(ExitCode::from(exit::INTERRUPTED)) };
     for path in &args.output {
         let text = if has_extension(path, "json") { report_json(&measured, args.efficacy) } else { report_csv(&measured) };

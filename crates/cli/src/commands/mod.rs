@@ -16,8 +16,10 @@ pub mod render;
 pub mod study;
 
 use std::io::Write;
+use std::sync::OnceLock;
 
 use etendue_render::classic::physical::{MeshOptions, meshes};
+use etendue_render::session::Cancel;
 use etendue_scene::{SceneDesc, Severity};
 
 use crate::exit::{self, coded};
@@ -52,4 +54,23 @@ pub fn report_losses(desc: &SceneDesc) {
     if more > 0 {
         note(&format!("… and {more} more; see `etendue info {}`", desc.files.first().map_or(String::new(), |p| p.display().to_string())));
     }
+}
+
+/// What Ctrl-C cancels: the same for all that a process does, such as the pictures of an animation. A second Ctrl-C ends the process at once.
+pub fn on_interrupt() -> Cancel {
+    static CANCEL: OnceLock<Cancel> = OnceLock::new();
+    CANCEL
+        .get_or_init(|| {
+            let cancel = Cancel::default();
+            let handler = cancel.clone();
+            // Setting a handler fails only where one exists, as in tests.
+            let _ = ctrlc::set_handler(move || {
+                if handler.is_cancelled() {
+                    std::process::exit(i32::from(exit::INTERRUPTED));
+                }
+                handler.cancel();
+            });
+            cancel
+        })
+        .clone()
 }

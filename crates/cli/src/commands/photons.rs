@@ -10,10 +10,9 @@ use clap::Subcommand;
 use etendue_render::integrator::{DEFAULT_PHOTONS, describe_photons, photon_limits};
 use etendue_render::photon::{MapInfo, PhotonMap};
 use etendue_render::scene;
-use etendue_render::session::Cancel;
 use etendue_scene::RenderSettings;
 
-use super::{note, report_losses};
+use super::{note, on_interrupt, report_losses};
 use crate::exit::{self, coded};
 use crate::progress::{self, Progress};
 use crate::scene_args::SceneArgs;
@@ -135,14 +134,7 @@ fn trace(args: &Trace) -> anyhow::Result<ExitCode> {
         let found = load(&args.output)?;
         map.merge(found).map_err(|e| coded(exit::INVALID, format!("{}: {e}", args.output.display())))?;
     }
-    let cancel = Cancel::default();
-    let handler = cancel.clone();
-    let _ = ctrlc::set_handler(move || {
-        if handler.is_cancelled() {
-            std::process::exit(i32::from(exit::INTERRUPTED));
-        }
-        handler.cancel();
-    });
+    let cancel = on_interrupt();
     let progress = Progress::new(if args.quiet { progress::Mode::None } else { args.progress });
     let interval = Duration::try_from_secs_f64(args.checkpoint_interval.max(0.0)).unwrap_or(Duration::MAX);
     let start = Instant::now();

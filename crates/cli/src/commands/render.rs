@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
@@ -11,10 +10,10 @@ use etendue_render::film::{DevelopOptions, Film};
 use etendue_render::image::tonemap::{ToneMap, ToneOperator};
 use etendue_render::image::{FileFormat, Image, WriteOptions};
 use etendue_render::session::job::{self, JobError, Plan};
-use etendue_render::session::{Aov, Cancel, Observer, Reason, Session, Status, Stop};
+use etendue_render::session::{Aov, Observer, Reason, Session, Status, Stop};
 use etendue_scene::SceneDesc;
 
-use super::{note, report_losses};
+use super::{note, on_interrupt, report_losses};
 use crate::exit::{self, coded};
 use crate::progress::{self, Progress};
 use crate::scene_args::SceneArgs;
@@ -159,25 +158,6 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         note(&format!("warning: {} samples were not finite and count as black", counters.non_finite));
     }
     Ok(ExitCode::from(if reason == Reason::Cancelled { exit::INTERRUPTED } else { exit::OK }))
-}
-
-/// What Ctrl-C cancels: the same for all pictures of an animation. A second Ctrl-C ends the process at once.
-fn on_interrupt() -> Cancel {
-    static CANCEL: OnceLock<Cancel> = OnceLock::new();
-    CANCEL
-        .get_or_init(|| {
-            let cancel = Cancel::default();
-            let handler = cancel.clone();
-            // Setting a handler fails only where one exists, as in tests.
-            let _ = ctrlc::set_handler(move || {
-                if handler.is_cancelled() {
-                    std::process::exit(i32::from(exit::INTERRUPTED));
-                }
-                handler.cancel();
-            });
-            cancel
-        })
-        .clone()
 }
 
 /// Places of faults in front of their messages.

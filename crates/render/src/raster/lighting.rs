@@ -3,21 +3,21 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use rayon::prelude::*;
-
+use super::ambient::ambient;
+use super::capture::{CAPTURE, capture};
 use super::environment::{Correction, Cube, Environment, ReflectanceTable};
 use super::lights::{LightGroup, Place, light_groups};
 use super::shadow::{Casters, ShadowFilter, ShadowMap};
 use super::triangles::Triangles;
-use super::visible::{draw_scene, is_there, surface_at, transmittance};
+use super::visible::is_there;
 use super::{Pose, View};
-use crate::bsdf::{Bsdf, Lobe, TransportMode, fresnel};
+use crate::bsdf::{Lobe, TransportMode};
 use crate::integrator::Estimate;
 use crate::light::{AreaGeometry, Light, LightContext, LightSample};
 use crate::lightmap::SurfaceLight;
 use crate::material::Part;
 use crate::math::hash::hash_words;
-use crate::math::{Aabb, INV_PI, ONE_MINUS_EPSILON, PI, Vec2, Vec3, fns};
+use crate::math::{Aabb, INV_PI, ONE_MINUS_EPSILON, PI, Vec2, Vec3};
 use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::{Scene, Surface};
 use crate::shape::triangle;
@@ -79,10 +79,6 @@ impl Default for LightingOptions {
 const MAX_BYTES: u64 = 1 << 29;
 /// More lights than this are not all asked at every point: some are chosen.
 const MAX_GROUPS: usize = 16;
-/// More reflecting objects than this share the sky's map.
-const MAX_CAPTURES: usize = 24;
-/// Edge of a captured cube's face.
-const CAPTURE: usize = 256;
 /// Samples of an area light at a point.
 const AREA_SAMPLES: u32 = 4;
 
@@ -149,7 +145,7 @@ impl Lighting {
             all.begin_pass(scene, triangles, seen, 0, 0);
         }
         if all.options.environment == EnvironmentSource::Object {
-            all.capture(scene, triangles, progress);
+            all.captured = capture(&all, all.options.sampled, scene, triangles, progress);
         }
         all
     }
@@ -454,67 +450,6 @@ impl Lighting {
         }
     }
 
-    /// Draws an environment map for each reflecting object, from its middle.
-    fn capture(&mut self, scene: &Scene, triangles: &Triangles, progress: &dyn Fn(&str, f64)) {
-        let mut objects = reflecting_objects(scene, triangles);
-        objects.sort_by(|a, b| b.bounds.half_area().total_cmp(&a.bounds.half_area()).then(a.key.cmp(&b.key)));
-        objects.truncate(MAX_CAPTURES);
-        let count = objects.len();
-        let mut captured = BTreeMap::new();
-        for (i, o) in objects.into_iter().enumerate() {
-            progress("environment maps", i as f64 / count as f64);
-            captured.insert(o.key, self.capture_one(scene, triangles, &o));
-        }
-        self.captured = captured;
-    }
-
-    fn capture_one(&self, scene: &Scene, triangles: &Triangles, o: &Reflecting) -> Environment {
-        let center = o.bounds.center();
-        let window = [-1.0, 1.0, -1.0, 1.0];
-        let views: Vec<View> =
-            (0..6).map(|f| View::perspective(Pose::cube_face(center, f), window, [CAPTURE as u32; 2], 0.0, f64::INFINITY)).collect();
-        let buffers: Vec<_> = views.iter().map(|v| draw_scene(scene, triangles, v, 0, Some(o.key))).collect();
-        let sampler = Sampler { kind: SamplerKind::Independent, seed: 0, spp: 1 };
-        // What surfaces reflect, and what they and the sky send of themselves.
-        let texels: Vec<(Spectrum, Spectrum, Spectrum)> = (0..6 * CAPTURE * CAPTURE)
-            .into_par_iter()
-            .map(|i| {
-                let (face, y, x) = (i / (CAPTURE * CAPTURE), i / CAPTURE % CAPTURE, i % CAPTURE);
-                let (o, d) = views[face].line_of_sight(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
-                let wi = d.as_vec3().normalize();
-                let sky = || (Spectrum::ZERO, Spectrum::ZERO, escaped(scene, wi));
-                let Some((id, _)) = buffers[face].at(x as u32, y as u32) else { return sky() };
-                let Some(s) = surface_at(scene, triangles, id, o, d) else { return sky() };
-                let instance = triangles.locate(id).map_or(0, |l| l.instance);
-                let mut out = Estimate::default();
-                let mut stream = sampler.stream(x as u32, (face * CAPTURE + y) as u32, 0);
-                self.shade(scene, &s, instance, -wi, &mut stream, &mut out);
-                (out.radiance, scene.emitted(&s, -wi), Spectrum::ZERO)
-            })
-            .collect();
-        let at = |face: usize, x: usize, y: usize| texels[(face * CAPTURE + y) * CAPTURE + x];
-        let mirror = Cube::new(CAPTURE, |f, x, y, _| {
-            let (reflected, emitted, sky) = at(f, x, y);
-            reflected + emitted + sky
-        });
-        // Lights that are sampled reach rough surfaces as lights.
-        let rough = Cube::new(CAPTURE, |f, x, y, _| {
-            let (reflected, _, sky) = at(f, x, y);
-            if self.options.sampled { reflected } else { reflected + sky }
-        });
-        // The surroundings' sides: nearly the farthest that is seen along each axis.
-        let side = |face: usize| {
-            let mut distances: Vec<f32> = buffers[face].depth.iter().filter(|d| **d > 0.0).map(|d| 1.0 / d).collect();
-            distances.sort_by(f32::total_cmp);
-            // A side of which little is seen is open: far away.
-            let open = distances.len() * 2 < CAPTURE * CAPTURE;
-            let at = distances.get(distances.len().saturating_sub(1) * 19 / 20).copied();
-            if open { 1e3 * o.bounds.extent().length().max(1e-6) } else { at.unwrap_or(f32::INFINITY) }
-        };
-        let bounds = Aabb { min: center - Vec3::new(side(1), side(3), side(5)), max: center + Vec3::new(side(0), side(2), side(4)) };
-        Environment::new(Some(center), bounds, mirror, &rough)
-    }
-
     /// The captured maps, by placement and object.
     pub fn captured(&self) -> &BTreeMap<(u32, u32), Environment> {
         &self.captured
@@ -561,108 +496,4 @@ fn resolution(groups: &[LightGroup], wanted: u32) -> u32 {
 fn with_casters<T>(scene: &Scene, triangles: &Triangles, seen: &[Vec3], resolution: u32, salt: u64, f: impl FnOnce(&Casters) -> T) -> T {
     let keeps = |view: &View, id: u32, x: u32, y: u32| is_there(scene, triangles, view, salt, id, x, y);
     f(&Casters { triangles, sphere: scene.bounds.bounding_sphere(), seen, resolution, keeps: &keeps })
-}
-
-/// An object that shows its surroundings.
-struct Reflecting {
-    key: (u32, u32),
-    bounds: Aabb,
-}
-
-fn reflecting_objects(scene: &Scene, triangles: &Triangles) -> Vec<Reflecting> {
-    let mut found: BTreeMap<(u32, u32), Option<Aabb>> = BTreeMap::new();
-    for part in &triangles.parts {
-        let mesh = &triangles.meshes[part.mesh as usize];
-        for t in 0..mesh.triangles.len() {
-            let key = (part.instance, mesh.object(t));
-            let id = part.first + t as u32;
-            let bounds = found.entry(key).or_insert_with(|| reflects(scene, triangles, id).then_some(Aabb::EMPTY));
-            if let (Some(b), Some(l)) = (bounds, triangles.locate(id)) {
-                *b = l.corners.iter().fold(*b, |b, p| b.grow(p.as_vec3()));
-            }
-        }
-    }
-    let finite = |b: &Aabb| b.min.is_finite() && b.max.is_finite();
-    found.into_iter().filter_map(|(key, b)| b.filter(finite).map(|bounds| Reflecting { key, bounds })).collect()
-}
-
-/// Whether the object of a triangle has a mirror, sharp or not very rough.
-fn reflects(scene: &Scene, triangles: &Triangles, id: u32) -> bool {
-    let Some(l) = triangles.locate(id) else { return false };
-    let [a, b, c] = l.corners;
-    let n = (b - a).cross(c - a).normalize_or_zero();
-    let middle = (a + b + c) / 3.0;
-    if !(middle.is_finite() && n.is_finite()) {
-        return false;
-    }
-    // From both sides: one may be black.
-    [n, -n].into_iter().any(|n| {
-        let Some(s) = surface_at(scene, triangles, id, middle + n * 1e-3, -n) else { return false };
-        let wo = n.as_vec3();
-        let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
-        let passes = transmittance(scene, &s, wo);
-        passes < 1.0
-            && scatter.parts.iter().any(|p| {
-                let lobes = p.bsdf.lobes();
-                (lobes.contains(Lobe::DELTA) && !matches!(p.bsdf, Bsdf::Null(_))) || lobes.contains(Lobe::GLOSSY)
-            })
-    })
-}
-
-/// A model under light from everywhere.
-struct Ambient {
-    /// Share of irradiance that is reflected diffusely.
-    diffuse: Spectrum,
-    /// Share of the irradiance of the other side that comes through.
-    through: Spectrum,
-    /// Reflectance of the blurred mirror.
-    specular: Spectrum,
-    /// Its roughness.
-    alpha: f32,
-}
-
-/// Closed forms of the models that have them; delta lobes are left out.
-fn ambient(bsdf: &Bsdf, wo: Vec3, table: &ReflectanceTable) -> Option<Ambient> {
-    let none = Ambient { diffuse: Spectrum::ZERO, through: Spectrum::ZERO, specular: Spectrum::ZERO, alpha: 0.0 };
-    let facing = wo.z > 0.0;
-    Some(match bsdf {
-        Bsdf::Diffuse(_) | Bsdf::RoughDiffuse(_) => {
-            let diffuse = if facing { bsdf.albedo(wo) } else { Spectrum::ZERO };
-            Ambient { diffuse, ..none }
-        }
-        Bsdf::DiffuseTransmission(b) => Ambient { diffuse: b.reflectance, through: b.transmittance, ..none },
-        Bsdf::Plastic(_) | Bsdf::RoughPlastic(_) | Bsdf::RoughConductor(_) if !facing => none,
-        Bsdf::Plastic(b) => {
-            let mirror = b.specular_reflectance * fresnel::dielectric(wo.z, b.eta).0;
-            Ambient { diffuse: bsdf.albedo(wo) - mirror, ..none }
-        }
-        Bsdf::RoughPlastic(b) => {
-            let specular = b.specular_reflectance * (1.0 - b.transmittance.eval(wo.z));
-            Ambient { diffuse: bsdf.albedo(wo) - specular, specular, alpha: mean_alpha(b.microfacet.alpha_x, b.microfacet.alpha_y), ..none }
-        }
-        Bsdf::RoughConductor(b) => {
-            let alpha = mean_alpha(b.microfacet.alpha_x, b.microfacet.alpha_y);
-            let [scale, offset] = table.lookup(wo.z, alpha);
-            let f0 = fresnel::conductor(1.0, b.eta, b.k) * b.specular_reflectance;
-            Ambient { specular: f0 * scale + b.specular_reflectance * offset, alpha, ..none }
-        }
-        Bsdf::Pbr(b) => {
-            let layered = b.clearcoat > 0.0 || !b.sheen_color.is_black() || b.iridescence > 0.0;
-            if layered || b.transmission > 0.0 || b.diffuse_transmission > 0.0 {
-                return None;
-            }
-            let alpha = fns::sqr(b.roughness).max(1e-4);
-            let [scale, offset] = table.lookup(wo.z.abs(), alpha);
-            let f0 = b.specular_color.map(|c| (c * fresnel::f0_from_eta(b.ior.max(1.0))).min(1.0)) * b.specular;
-            let coat = f0 * scale + Spectrum::splat(b.specular * offset);
-            let metal = b.base_color * scale + Spectrum::splat(offset);
-            let diffuse = b.base_color * ((1.0 - b.metallic) * (1.0 - coat.max_component()).max(0.0));
-            Ambient { diffuse, specular: coat.lerp(metal, b.metallic), alpha, ..none }
-        }
-        _ => return None,
-    })
-}
-
-fn mean_alpha(x: f32, y: f32) -> f32 {
-    (x * y).max(0.0).sqrt()
 }

@@ -17,6 +17,8 @@
 //! - Of equal depths the lower triangle number wins. So nothing depends on threads, tiles or the order of drawing.
 //! - Triangles with coordinates that are not finite, and those without area on the screen, are not drawn.
 
+mod ambient;
+mod capture;
 mod draw;
 pub mod environment;
 mod lighting;

@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test file uses a part")]
 
+pub mod baking;
 pub mod naive;
 pub mod statistics;
 

@@ -316,6 +316,9 @@ impl Parser {
         if arguments.len() != count {
             return Err(self.error(span, format!("the function takes {count} arguments, but here are {}", arguments.len())));
         }
+        if !f.is_known() {
+            self.unknown_function(span);
+        }
         let probe = self.options.probe.clone();
         let context = self.context(probe.as_deref());
         let values = f.eval_vector(&arguments, &context);

@@ -10,6 +10,7 @@ use etendue_procedural::function::{Binary, Builder, Component, Internal, Operand
 use etendue_procedural::{Function, Spline, SplineKind};
 
 use super::super::{Parse, Parser, Token, Value};
+use crate::span::Span;
 
 /// Most parameters of a function, as in POV-Ray.
 const MOST_PARAMETERS: usize = 56;
@@ -313,6 +314,11 @@ impl Parser {
         Ok(b.end_select(select, last))
     }
 
+    /// Reports the call of an internal function whose formula is not known.
+    pub(crate) fn unknown_function(&mut self, span: Span) {
+        self.loss(span, "f_comma or f_helical_torus", "is 0 everywhere");
+    }
+
     /// The arguments of a function's call, and the component where it returns several.
     fn function_call(&mut self, b: &mut Builder, f: &Arc<Function>) -> Parse<Operand> {
         let span = self.span();
@@ -323,7 +329,7 @@ impl Parser {
             return Err(self.error(span, format!("this function has {wanted} parameters, but {count} are given")));
         }
         if !f.is_known() {
-            self.loss(span, "f_comma or f_helical_torus", "is 0 everywhere");
+            self.unknown_function(span);
         }
         let mut component = Component::Number(0);
         if f.is_vector() {

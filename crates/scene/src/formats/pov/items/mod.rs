@@ -25,5 +25,6 @@ mod solids_large;
 mod solids_mesh;
 mod solids_text;
 mod texture;
+mod warp;
 pub(crate) use function::{SPLINE_WORDS, spline_kind};
 pub(crate) use object::OBJECT_WORDS;
