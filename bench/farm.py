@@ -133,7 +133,7 @@ def costs(farm_folder, args):
     tiles = [(x, y, x + 240, y + 135) for y in range(0, 540, 135) for x in range(0, 960, 240)][:8]
     films = [parts.render(tile, 0, 4) for tile in tiles]
     with Timer() as merging:
-        merged = _etendue.film_merge(films)
+        merged = _etendue.part_merge(films, 64)
     return {
         "units": units,
         "head_secs_per_unit": timer.cpu / units,

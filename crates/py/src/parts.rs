@@ -71,8 +71,7 @@ impl Prepared {
             plan.spp = job::DEFAULT_SPP;
             plan.antialias = None;
         }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
-        let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
+        let pool = background::pool(py, threads)?;
         let (worker, worker_desc, worker_plan) = (Arc::clone(&pool), Arc::clone(desc), plan.clone());
         let work = move || {
             worker.install(|| {
@@ -146,15 +145,8 @@ impl Prepared {
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
             Ok::<_, String>((result != Reason::Cancelled).then_some(bytes))
         };
-        let tick = |_: Python<'_>| {
-            if let Some(should_stop) = &should_stop
-                && should_stop.call0()?.is_truthy()?
-            {
-                cancel.cancel();
-            }
-            Ok(())
-        };
-        let bytes = background::run(py, Some(&cancel), work, tick)?.map_err(|e| errors::error(py, "Error", e))?;
+        let bytes = background::run(py, Some(&cancel), work, background::stopper(should_stop.as_ref(), &cancel))?
+            .map_err(|e| errors::error(py, "Error", e))?;
         Ok(bytes.map(|b| PyBytes::new(py, &b)))
     }
 }

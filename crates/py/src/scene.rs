@@ -12,8 +12,10 @@ use glam::DMat4;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::bake::PreparedBake;
 use crate::compiled::{Compiled, Source};
 use crate::parts::Prepared;
+use crate::photons::PreparedPhotons;
 use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
@@ -93,6 +95,22 @@ impl Scene {
             return Err(errors::error(py, "SettingError", "a scene with a moved camera cannot be prepared for a farm".to_owned()));
         }
         Prepared::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, crop, threads, &aovs, fixed_spp)
+    }
+
+    /// Makes a bake ready for a farm's worker: `options` are those of `etendue bake`.
+    fn prepare_bake(
+        &self,
+        py: Python<'_>,
+        settings: &Bound<'_, PyDict>,
+        threads: usize,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<PreparedBake> {
+        PreparedBake::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, threads, options)
+    }
+
+    /// Makes the tracing of photons ready for a farm's worker.
+    fn prepare_photons(&self, py: Python<'_>, settings: &Bound<'_, PyDict>, threads: usize) -> PyResult<PreparedPhotons> {
+        PreparedPhotons::new(py, &self.desc, &self.places, &crate::settings::from_keywords(settings)?, threads)
     }
 
     /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.

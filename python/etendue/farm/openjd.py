@@ -55,6 +55,8 @@ def export_job(spec: JobSpec, scene: str, name: str) -> dict[str, Any]:
     Raises:
         InvalidError: The job has what a template cannot say, such as stopping at a cost.
     """
+    if spec.command in ("bake", "photons"):
+        raise InvalidError(f"a template renders pictures; a `{spec.command}` cannot be exported")
     lost = [rule for rule in ("secs", "core_secs", "cost") if getattr(spec.stop, rule) is not None]
     lost += [rule for rule in ("every_first", "approval", "crop") if getattr(spec, rule)]
     if lost:

@@ -244,7 +244,13 @@ def test_orders_are_checked_as_a_whole(farm: Farm, actor: Actor) -> None:
         farm.jobs.submit(actor, {"package": package.id, "settings": {"sp": 3}, "frames": "3-1", "priority": 1000, "notify": "file:///etc"})
     assert all(word in str(caught.value) for word in ("sp", "3-1", "priority", "notify"))
     for bad in (
-        {"command": "bake"},
+        {"command": "bake", "frames": "1-3"},
+        {"command": "bake", "formats": ["exr"]},
+        {"command": "bake", "stop": {"noise": 0.1}},
+        {"command": "photons", "crop": (0, 0, 4, 4)},
+        {"command": "photons", "settings": {"photons": 1 << 40}},
+        {"bake": {"resolution": 64}},
+        {"formats": ["glb"]},
         {"frames": "1-999999999"},
         {"name": "a\x00b"},
         {"scene": "../../etc/passwd"},
@@ -273,8 +279,8 @@ def test_films_merge_to_the_whole_one() -> None:
     # What the scheduler rests on: parts of any kind are the bits of the whole.
     path = ROOT / "scenes"
     assert path.is_dir()
-    with pytest.raises(Exception, match="no films"):
-        _etendue.film_merge([])
+    with pytest.raises(Exception, match="no parts"):
+        _etendue.part_merge([], 64)
 
 
 def test_a_study_has_the_picture_of_each_run(farm: Farm, actor: Actor, runner: Runner, tmp_path: Path) -> None:
@@ -291,7 +297,7 @@ def test_a_study_has_the_picture_of_each_run(farm: Farm, actor: Actor, runner: R
         command = [Path(sys.executable).parent / "etendue", "render", scene, *flags, "-q", "-o", out]
         subprocess.run(command, check=True, timeout=300)
         assert picture(farm, actor, job.id, f"methods.{frame.number:04d}.exr") == out.read_bytes()
-    for wrong in ({"runs": runs}, {"command": "study"}, {"command": "study", "runs": runs, "frames": "1-3"}, {"command": "bake"}):
+    for wrong in ({"runs": runs}, {"command": "study"}, {"command": "study", "runs": runs, "frames": "1-3"}):
         with pytest.raises(InvalidError):
             farm.jobs.submit(actor, {"package": job.package_id, **wrong})
     with pytest.raises(InvalidError, match="spp"):

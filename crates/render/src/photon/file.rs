@@ -51,6 +51,11 @@ struct Header {
 }
 
 impl PhotonMap {
+    /// Whether bytes begin as a photon file does.
+    pub fn is_file(bytes: &[u8]) -> bool {
+        bytes.starts_with(&MAGIC)
+    }
+
     /// Writes the map as a file's bytes.
     ///
     /// # Errors
