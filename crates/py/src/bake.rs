@@ -18,6 +18,9 @@ use pyo3::types::{PyBytes, PyDict};
 use crate::places::Places;
 use crate::{background, errors, layers};
 
+/// Paths of finished files, sentences for the user, the relative error, and the first atlas.
+type Files<'py> = (Vec<PathBuf>, Vec<String>, f64, Option<Bound<'py, PyAny>>);
+
 /// Nobody watches.
 struct Alone;
 
@@ -183,7 +186,7 @@ impl PreparedBake {
         maps: bool,
         directional: bool,
         denoise: bool,
-    ) -> PyResult<(Vec<PathBuf>, Vec<String>, f64, Option<Bound<'py, PyAny>>)> {
+    ) -> PyResult<Files<'py>> {
         let setting = |m: String| errors::error(py, "SettingError", m);
         let display = match display {
             "emissive" => Display::Emissive,
