@@ -126,7 +126,9 @@ def load(
     defines: Mapping[str, str],
     variant: str | None,
     scene: str | None,
-    moment: tuple[float, int, int, tuple[int | None, int | None]] | None,
+    animation: str | None,
+    clock: float | None,
+    moment: tuple[int, int, tuple[int | None, int | None]] | None,
 ) -> Scene: ...
 def load_string(
     text: str,

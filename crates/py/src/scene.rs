@@ -162,11 +162,13 @@ fn with_losses(mut desc: SceneDesc) -> SceneDesc {
     desc
 }
 
-/// Clock, number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
-type Moment = (f64, i32, i32, [Option<u32>; 2]);
+/// Number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
+type Moment = (i32, i32, [Option<u32>; 2]);
 
-/// Reads a scene file of any format, as the command line does.
+/// Reads a scene file of any format; with a moment, as the command line does. `clock` is that of a POV-Ray scene, or a second of a glTF
+/// file's animation.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
 pub fn load(
     py: Python<'_>,
     path: PathBuf,
@@ -174,15 +176,30 @@ pub fn load(
     defines: BTreeMap<String, String>,
     variant: Option<String>,
     scene: Option<String>,
+    animation: Option<String>,
+    clock: Option<f64>,
     moment: Option<Moment>,
 ) -> PyResult<Scene> {
-    let Some((clock, frame, frames, size)) = moment else {
-        let options = options(search_paths, defines, variant, scene);
+    let Some((frame, frames, size)) = moment else {
+        let mut options = ReadOptions { time: clock, animation, ..options(search_paths, defines, variant, scene) };
+        options.pov.clock = clock.unwrap_or(0.0);
         return read(py, Places::default(), move || formats::read(&path, &options).map(with_losses));
     };
     let defines = defines.into_iter().collect();
     let script_output = None;
-    let args = SceneArgs { scene: path, search_paths, defines, variant, gltf_scene: scene, clock, frame, frames, script_output, pov: None };
+    let args = SceneArgs {
+        scene: path,
+        search_paths,
+        defines,
+        variant,
+        gltf_scene: scene,
+        gltf_animation: animation,
+        clock,
+        frame,
+        frames,
+        script_output,
+        pov: None,
+    };
     read(py, Places::default(), move || args.read(size))
 }
 

@@ -112,6 +112,7 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("-D", "--define", action="append", default=[], type=_define, metavar="KEY=VALUE", help="as of `etendue render`")
     add("--variant", help="material variant of a glTF file")
     add("--gltf-scene", help="scene of a glTF file")
+    add("--gltf-animation", help="animation of a glTF file, by name or number [default: the first]")
     add("--crop", type=_numbers(int, 4), metavar="X0,Y0,X1,Y1", help="only these pixels")
     add("--aov", action="append", default=[], metavar="NAMES", help="auxiliary outputs, as of `etendue render`")
     add(
@@ -128,7 +129,11 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("--frames", metavar="LIST", help="frames of an animation: 1-48, 1-100x5, 1,4,10-12")
     add("--last-frame", type=int, metavar="N", help="the animation's last frame, where --frames does not go up to it")
     add(
-        "--clocks", type=_numbers(float, 2), default=(0.0, 1.0), metavar="FIRST,LAST", help="`clock` of frame 1 and the last [default: 0,1]"
+        "--clocks",
+        type=_numbers(float, 2),
+        default=(0.0, 1.0),
+        metavar="FIRST,LAST",
+        help="`clock` (seconds of a glTF animation) of frame 1 and the last [default: 0,1]",
     )
     add("--format", default="", metavar="NAMES", help="files to make: exr, png, jpg, hdr, pfm, film [default: exr, or as -o]")
     add("--exposure", type=float, default=0.0, help="of PNG and JPEG, in stops")

@@ -208,6 +208,7 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "defines": dict(args.define),
         "variant": args.variant,
         "gltf_scene": args.gltf_scene,
+        "gltf_animation": args.gltf_animation,
         "command": command,
         "bake": bake,
         "runs": _runs(args.study),

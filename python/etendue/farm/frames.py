@@ -75,6 +75,7 @@ class Frames:
             defines=tuple(sorted(spec.defines.items())),
             variant=spec.variant,
             gltf_scene=spec.gltf_scene,
+            gltf_animation=spec.gltf_animation,
             clock=frame.clock,
             # A study shows one moment in all of its runs.
             number=0 if spec.runs else frame.number,

@@ -23,6 +23,7 @@ class SceneOrder:
     defines: tuple[tuple[str, Setting], ...]
     variant: str | None
     gltf_scene: str | None
+    gltf_animation: str | None
     clock: float
     number: int
     final: int

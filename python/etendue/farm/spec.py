@@ -152,6 +152,8 @@ class JobSpec(BaseModel):
     """Material variant of a glTF file."""
     gltf_scene: str | None = None
     """Scene of a glTF file."""
+    gltf_animation: str | None = None
+    """Animation of a glTF file, by name or number; None: the first."""
     frames: Annotated[str, Field(max_length=10_000)] | None = None
     """Frames of an animation, such as `1-48`, `1-100x5`, `1,4,10-12`; None: a still."""
     runs: Annotated[list[dict[str, Setting | None]], Field(max_length=MAX_RUNS)] = Field(default_factory=list)
@@ -159,7 +161,8 @@ class JobSpec(BaseModel):
     last_frame: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
     """Number of the animation's last frame, where `frames` does not go up to it: the clock depends on it."""
     clocks: tuple[float, float] = (0.0, 1.0)
-    """`clock` of frame 1 and of the last frame; a still has the first."""
+    """`clock` of frame 1 and of the last frame, which is a second of a glTF file's animation; a still has the first. A still with clock 0
+    shows a glTF file's pose without animation."""
     formats: Annotated[list[Format], Field(max_length=6)] = Field(default_factory=list)
     """Files to make of each frame; none: those of `FORMATS`."""
     exposure: Annotated[float, Field(ge=-64, le=64)] = 0.0
@@ -184,7 +187,7 @@ class JobSpec(BaseModel):
     max_attempts: Annotated[int, Field(ge=1, le=20)] = 3
     """How often a unit may fail before its frame does. Units that are lost with their node do not count."""
 
-    @field_validator("name", "tonemap", "scene", "variant", "gltf_scene")
+    @field_validator("name", "tonemap", "scene", "variant", "gltf_scene", "gltf_animation")
     @classmethod
     def _is_printable(cls, text: str | None) -> str | None:
         if text is not None and any(ord(c) < 32 or ord(c) == 127 for c in text):

@@ -76,8 +76,11 @@ class Prepared:
         settings = dict(order.settings)
         size = tuple(_whole(settings.get(key)) for key in ("width", "height"))
         defines = {key: str(value).lower() if isinstance(value, bool) else str(value) for key, value in order.defines}
-        moment = (order.clock, order.number, order.final, (size[0], size[1]))
-        self.scene = _etendue.load(folder / order.scene, [], defines, order.variant, order.gltf_scene, moment)
+        moment = (order.number, order.final, (size[0], size[1]))
+        # As without `--clock`, where nothing asks for a moment.
+        clock = order.clock if order.number or order.clock else None
+        given = (order.variant, order.gltf_scene, order.gltf_animation, clock)
+        self.scene = _etendue.load(folder / order.scene, [], defines, *given, moment)
         self.parts: _Parts
         if order.command == "bake":
             self.parts = self.scene.prepare_bake(settings, threads, dict(order.bake))

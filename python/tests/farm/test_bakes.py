@@ -79,7 +79,7 @@ def test_a_photon_map_has_the_bytes_of_etendue_photons(farm: Farm, actor: Actor,
 
 def test_parts_of_bakes_do_not_mix(tmp_path: Path) -> None:
     (tmp_path / "room.xml").write_text(ROOM)
-    scene = _etendue.load(tmp_path / "room.xml", [], {}, None, None, None)
+    scene = _etendue.load(tmp_path / "room.xml", [], {}, None, None, None, None, None)
     bake = scene.prepare_bake({"spp": 2}, 1, {"resolution": 64})
     half = bake.width // 2
     first, second = (bake.render(rect, 0, 2) for rect in ((0, 0, half, 1), (half, 0, bake.width, 1)))
