@@ -445,7 +445,7 @@ class Jobs:
     def _visible(self, session: Session, actor: Actor, job_id: int) -> Job:
         job = session.get(Job, job_id) if 0 < job_id < 1 << 31 else None
         if job is None or not self._sees(actor, job):
-            raise NotFoundError(f"there is no job {job_id}")
+            raise NotFoundError(f"there is no job {job_id}", is_foreign=job is not None)
         return job
 
     def _changeable(self, session: Session, actor: Actor, job_id: int) -> Job:
