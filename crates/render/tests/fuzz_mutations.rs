@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use etendue_render::film::{Film, FilmSpec};
-use etendue_render::image::{FileFormat, Image, ReadLimits, WriteOptions};
+use etendue_render::image::{FileFormat, Image, ReadLimits, WriteOptions, linear_from_srgb_u8};
 use etendue_render::lightmap::Part;
 use etendue_render::photon::{MapInfo, PhotonMap};
 
@@ -69,6 +69,27 @@ fn pictures() {
         let mut bytes = Vec::new();
         picture().write_to(&mut bytes, format, &WriteOptions::default()).unwrap();
         check(extension, &bytes, |b| Image::from_bytes(b, Some(extension), None, limits).is_ok());
+    }
+}
+
+#[test]
+fn ktx2_pictures() {
+    let limits = ReadLimits { max_bytes: 1 << 24, ..ReadLimits::default() };
+    let etc1s: (_, &[u8], _) = ("etc1s", include_bytes!("data/etc1s.ktx2"), 0.12);
+    for (name, seed, tolerance) in [etc1s, ("uastc", include_bytes!("data/uastc.ktx2"), 0.04)] {
+        check(name, seed, |b| Image::from_bytes(b, Some("ktx2"), None, limits).is_ok());
+        // 64 × 48: red rises to the right, green downwards, both from 0; the squares of blue have 40 and 200.
+        let image = Image::from_bytes(seed, None, None, limits).unwrap();
+        assert_eq!((image.width, image.height), (64, 48));
+        let [red, green, blue] = ["R", "G", "B"].map(|c| image.channel(c).unwrap());
+        let at = |plane: &[f32], x: usize, y: usize| plane[64 * y + x];
+        let linear = |code: usize| linear_from_srgb_u8(code as u8);
+        for (x, y) in [(20, 20), (36, 4), (52, 44), (60, 28)] {
+            let expected = [linear(4 * x), linear(5 * y), linear(if ((x / 8) ^ (y / 8)) & 1 == 1 { 200 } else { 40 })];
+            for (found, expected) in [at(red, x, y), at(green, x, y), at(blue, x, y)].into_iter().zip(expected) {
+                assert!((found - expected).abs() < tolerance, "{name} at {x}, {y}: {found} instead of {expected}");
+            }
+        }
     }
 }
 
