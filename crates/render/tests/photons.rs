@@ -503,16 +503,17 @@ fn routes() {
     let scene = compile(&desc, &settings(4, 4, 1));
     let count = |keep: Keep, route: Route| {
         let tracer = Tracer::new(&scene, 0, u32::MAX, keep);
-        let deposits = tracer.trace(0, 0..20_000);
+        let deposits = tracer.trace(0, 0..20_000, 0);
         deposits.surface.iter().filter(|p| p.route() == route).count()
     };
     for route in [Route::Direct, Route::Caustic, Route::Indirect] {
         let all = count(Keep::ALL, route);
         assert!(all > 500, "{route:?}: {all}");
-        let only = Keep { direct: route == Route::Direct, caustic: route == Route::Caustic, indirect: route == Route::Indirect };
+        let only =
+            Keep { direct: route == Route::Direct, caustic: route == Route::Caustic, indirect: route == Route::Indirect, beams: false };
         assert_eq!(count(only, route), all);
     }
     // A path of length 1 is direct light.
     let tracer = Tracer::new(&scene, 0, 1, Keep::ALL);
-    assert!(tracer.trace(0, 0..2000).surface.iter().all(|p| p.depth() == 0 && p.route() == Route::Direct));
+    assert!(tracer.trace(0, 0..2000, 0).surface.iter().all(|p| p.depth() == 0 && p.route() == Route::Direct));
 }
