@@ -12,12 +12,12 @@ use crate::photon::{Beam, BeamTree, beams};
 use crate::sampler::{Sampler, SamplerKind};
 use crate::scene::Scene;
 
-/// Of so many photons one leaves beams: a ray passes far more beams than points.
-const PHOTONS_PER_BEAM: u64 = 8;
+/// Of so many photons one leaves beams, which have more of a say than points.
+const PHOTONS_PER_BEAM: u64 = 2;
 /// The most photons that leave beams. In white media each leaves some tens of beams.
 const MOST: u64 = 1 << 16;
 /// Beams that a ray is meant to pass.
-const NEIGHBORS: usize = 16;
+const NEIGHBORS: usize = 64;
 /// Rays looked at to find the radius.
 const PROBES: u32 = 64;
 

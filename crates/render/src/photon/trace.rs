@@ -126,7 +126,7 @@ impl<'a> Tracer<'a> {
         let (mut route, mut depth, mut crossings) = (Route::Direct, 0, 0);
         while depth < self.max_depth {
             let found = scene.intersect(&ray);
-            let before = power;
+            let mut before = power;
             if let Some(medium) = scene.medium(&media) {
                 let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
                 if medium.scatters() {
@@ -157,6 +157,19 @@ impl<'a> Tracer<'a> {
                 }
             }
             let Some(s) = found else { return };
+            if scene.solids.is_some() && route == Route::Direct && scene.intersect_shadow(&ray).is_none_or(|behind| behind.t > s.t) {
+                // What casts no shadow is lit, and so is what lies behind it: half of the photons stand for either.
+                power *= 2.0;
+                before *= 2.0;
+                if stream.next_1d() < 0.5 {
+                    crossings += 1;
+                    if crossings > MAX_CROSSINGS || !power.is_finite() {
+                        return;
+                    }
+                    ray = Ray::new(s.offset_origin(ray.d), ray.d);
+                    continue;
+                }
+            }
             let wo = -ray.d;
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             if scatter.is_smooth_anywhere() && self.keep.takes(route) {
