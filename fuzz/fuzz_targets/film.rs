@@ -7,6 +7,6 @@ use etendue_render::photon::PhotonMap;
 
 libfuzzer_sys::fuzz_target!(|data: &[u8]| {
     let _ = Film::from_bytes(data, 1 << 28);
-    let _ = PhotonMap::read_from(&mut &*data, data.len() as u64);
+    let _ = PhotonMap::read_from(&mut &*data, data.len() as u64, 1 << 26);
     let _ = Part::from_bytes(data);
 });

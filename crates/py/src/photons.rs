@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use etendue_render::integrator::{DEFAULT_PHOTONS, photon_limits};
 use etendue_render::photon::{MapInfo, PhotonMap};
-use etendue_render::scene::{self, Scene};
-use etendue_render::session::Cancel;
+use etendue_render::scene::Scene;
+use etendue_render::session::{Cancel, job};
 use etendue_scene::{RenderSettings, SceneDesc};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -49,15 +49,10 @@ pub struct PreparedPhotons {
 impl PreparedPhotons {
     /// Compiles.
     pub fn new(py: Python<'_>, desc: &Arc<SceneDesc>, places: &Places, settings: &RenderSettings, threads: usize) -> PyResult<Self> {
-        if desc.classic.is_some() {
-            return Err(errors::error(py, "UnsupportedError", "photons of POV-Ray scenes cannot be traced yet".into()));
-        }
         let pool = background::pool(py, threads)?;
         let (worker, worker_desc) = (Arc::clone(&pool), Arc::clone(desc));
-        // As `etendue photons trace` does it.
-        let work = move || worker.install(|| scene::compile(&worker_desc, &RenderSettings::default(), [1, 1]));
-        let scene = background::run(py, None, work, |_| Ok(()))?;
-        let scene = scene.map_err(|faults| errors::scene_error(py, &faults, &desc.files, places))?;
+        let work = move || worker.install(|| job::compile_for_photons(&worker_desc));
+        let scene = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::job_error(py, &e, &desc.files, places))?;
         Ok(Self {
             warnings: photon_limits(&scene),
             scene: Arc::new(scene),

@@ -10,8 +10,8 @@ use pyo3::types::{PyBytes, PyDict};
 
 use crate::{background, errors, films};
 
-fn map(bytes: &[u8]) -> Result<PhotonMap, String> {
-    PhotonMap::read_from(&mut &*bytes, bytes.len() as u64).map_err(|e| e.to_string())
+fn map(bytes: &[u8], room: u64) -> Result<PhotonMap, String> {
+    PhotonMap::read_from(&mut &*bytes, bytes.len() as u64, room).map_err(|e| e.to_string())
 }
 
 fn part(bytes: &[u8]) -> Result<Part, String> {
@@ -28,10 +28,11 @@ pub fn part_merge(py: Python<'_>, parts: Vec<PyBackedBytes>, memory_mib: u32) ->
             let parts = parts.iter().map(|p| part(p)).collect::<Result<_, _>>()?;
             bytes = Part::merge(parts).map_err(|e| e.to_string())?.to_bytes().map_err(|e| e.to_string())?;
         } else if PhotonMap::is_file(first) {
-            let mut total = map(first)?;
+            // As a map is thinned that is traced at once.
+            let room = PhotonMap::room(u64::from(memory_mib) << 20);
+            let mut total = map(first, room)?;
             for part in &parts[1..] {
-                total.merge(map(part)?).map_err(|e| e.to_string())?;
-                total.limit(u64::from(memory_mib) << 20);
+                total.merge_within(map(part, room)?, room).map_err(|e| e.to_string())?;
             }
             total.write_to(&mut bytes).map_err(|e| e.to_string())?;
         } else {
@@ -55,7 +56,7 @@ pub fn part_info(py: Python<'_>, part: PyBackedBytes) -> PyResult<Bound<'_, PyDi
             return Ok((vec![(begin, 0, end, 1, 0, u64::from(spp))], 0.0));
         }
         if PhotonMap::is_file(&bytes) {
-            return Ok((map(&bytes)?.segments().iter().map(|s| (0, 0, 1, 1, s.begin, s.end)).collect(), 0.0));
+            return Ok((map(&bytes, u64::MAX)?.segments().iter().map(|s| (0, 0, 1, 1, s.begin, s.end)).collect(), 0.0));
         }
         let film = Film::from_bytes(&bytes, DEFAULT_MEMORY_LIMIT).map_err(|e| e.to_string())?;
         let held = film.held().entries().iter().map(|h| {

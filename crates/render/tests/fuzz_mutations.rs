@@ -108,7 +108,7 @@ fn films() {
 fn photon_maps_and_parts_of_bakes() {
     let mut bytes = Vec::new();
     PhotonMap::new(MapInfo { scene_hash: "scene".into(), seed: 3, max_depth: Some(4) }).write_to(&mut bytes).unwrap();
-    check("photons", &bytes, |b| PhotonMap::read_from(&mut &*b, b.len() as u64).is_ok());
+    check("photons", &bytes, |b| PhotonMap::read_from(&mut &*b, b.len() as u64, 1 << 26).is_ok());
     // A part without points; those with points are tested where they can be made.
     let mut part = b"ETBAKE02".to_vec();
     part.extend([0; 32]);
