@@ -65,7 +65,7 @@ impl FactorMatrix {
                     }
                     for (value, &s) in row.iter_mut().zip(leaves) {
                         if r != s {
-                            *value = f.elements(r, s, 1, &[]).factor;
+                            *value = f.elements(r, s, &[]);
                         }
                     }
                     step();

@@ -74,7 +74,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         let factors: Vec<f32> = match &hemicube {
             None => {
                 let f = Factors { scene, mesh: &mesh, seed: options.seed };
-                leaves.par_iter().map(|&r| f.elements(r, source, 1, &unshot).factor).collect()
+                leaves.par_iter().map(|&r| f.elements(r, source, &unshot)).collect()
             }
             Some(cube) => {
                 // The share of the source's view, turned round by Aᵢ Fᵢⱼ = Aⱼ Fⱼᵢ.
