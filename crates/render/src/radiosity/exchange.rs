@@ -26,6 +26,8 @@ pub struct Solved {
     pub irradiance: Vec<Spectrum>,
     /// Radiosity of all nodes, W·m⁻².
     pub radiosity: Vec<Spectrum>,
+    /// Leaves that lie inside of other bodies, by node: no one sees their light. Empty before the [`super::local`] pass.
+    pub buried: Vec<bool>,
     /// Sum of form factors of each leaf, by node; 1 in a closed room. Empty where the solver does not know it.
     pub row_sums: Vec<f32>,
     /// Mean of |Aᵢ Fᵢⱼ − Aⱼ Fⱼᵢ| over the mean of Aᵢ Fᵢⱼ; `None` where the solver has not both.
@@ -35,6 +37,25 @@ pub struct Solved {
 }
 
 impl Solved {
+    /// Subdivides leaves; the parts have the whole's light. Returns the first new node.
+    pub fn subdivide(&mut self, scene: &Scene, leaves: &[u32]) -> u32 {
+        let first = self.mesh.subdivide(scene, leaves);
+        for i in first as usize..self.mesh.nodes.len() {
+            let node = &self.mesh.nodes[i];
+            let parent = node.parent as usize;
+            self.irradiance.push(self.irradiance[parent]);
+            self.direct.push(self.direct[parent]);
+            self.radiosity.push(node.emission + node.reflectance * self.irradiance[parent]);
+            if let Some(&sum) = self.row_sums.get(parent) {
+                self.row_sums.push(sum);
+            }
+            if let Some(&is_buried) = self.buried.get(parent) {
+                self.buried.push(is_buried);
+            }
+        }
+        first
+    }
+
     /// Fluxes of the leaves in W: emitted, brought by lights that are no surfaces, absorbed.
     pub fn fluxes(&self) -> [Spectrum; 3] {
         let mut sums = [[0.0f64; 4]; 3];
