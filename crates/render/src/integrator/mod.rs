@@ -14,7 +14,7 @@ pub mod emission;
 mod illuminance;
 pub mod irradiance;
 mod light;
-mod light_sampling;
+pub(crate) mod light_sampling;
 mod mlt;
 mod normals;
 mod particles;
