@@ -76,6 +76,8 @@ class RenderSettings(TypedDict, total=False):
     """Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given."""
     photon_memory: int | None
     """Most memory for photons; where they are more, they are thinned, with a message."""
+    photon_beams: bool | None
+    """In homogeneous media the ways of photons (beams) send light to the camera, not the points where they are scattered."""
     photon_map: str | None
     """Photon map to use, made before by `etendue photons trace`: for particles and photon."""
     camera: str | None

@@ -197,7 +197,8 @@ fn what_few_rays_reach_keeps_its_light() {
     let of = |object: u32| mesh.face_nodes.iter().copied().find(|&i| mesh.face(&mesh.nodes[i as usize]).object == object).unwrap();
     let (r, s) = (of(0), of(1));
     let factors = |seed| Factors { scene: &scene, mesh: &mesh, seed };
-    let pair = factors(0).pair(r, s).unwrap();
+    let first = factors(0);
+    let pair = first.pair(r, s).unwrap();
     let expected = factors(1).trace(&pair, r, s, 50_000, &[]).factor;
     assert!(expected < 0.15 * pair.open(), "{expected} of {}", pair.open());
     const N: u32 = 4000;

@@ -75,6 +75,8 @@ params! {
         photon_radius: Option<f32> = None, "number", "scene units";
         /// Most memory for photons; where they are more, they are thinned, with a message.
         photon_memory: u32 = 1024, "integer", "MiB";
+        /// In homogeneous media the ways of photons (beams) send light to the camera, not the points where they are scattered.
+        photon_beams: bool = false, "switch", "";
         /// Photon map to use, made before by `etendue photons trace`: for particles and photon.
         photon_map: Option<String> = None, "file", "";
         /// Name or number of the camera, where a file has several.

@@ -20,6 +20,7 @@ mod normals;
 mod particles;
 mod path;
 mod photon;
+mod photon_beams;
 mod photon_settings;
 mod photon_walk;
 mod radiosity;

@@ -65,6 +65,14 @@ impl Method {
         Ok(if gather { Self::Path { indirect: Some(Box::new(LookUp { light })) } } else { Self::Solved(light) })
     }
 
+    /// Samples of a point where the user does not say: methods that trace paths need more than those that look light up.
+    pub fn default_spp(&self) -> u32 {
+        match self {
+            Self::Path { .. } => 256,
+            Self::Solved(_) => 16,
+        }
+    }
+
     /// Path tracing. The point itself is the first scattering of a path, so the integrator has one less.
     pub fn path(settings: &RenderSettings) -> Self {
         let max_depth = settings.max_depth.unwrap_or(u32::MAX);
