@@ -59,7 +59,7 @@ class RenderSettings(TypedDict, total=False):
     radiosity_solver: str | None
     """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
     radiosity_rays: int | None
-    """Rays by which each element looks around once radiosity is solved; 0 for none, 8 million for all together where not given."""
+    """Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given."""
     radiosity_gather: int | None
     """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
     radiosity_display: str | None

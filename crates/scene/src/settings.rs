@@ -57,7 +57,7 @@ params! {
         radiosity_form_factors: Option<String> = None, "name", "";
         /// How matrix radiosity solves its system: gauss-seidel, jacobi, direct.
         radiosity_solver: Option<String> = None, "name", "";
-        /// Rays by which each element looks around once radiosity is solved; 0 for none, 8 million for all together where not given.
+        /// Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given.
         radiosity_rays: Option<u32> = None, "integer", "rays";
         /// Rays of a final gather from each sample; 0 shows the radiosity solution itself.
         radiosity_gather: Option<u32> = None, "integer", "rays";

@@ -30,8 +30,14 @@ use crate::spectrum::Spectrum;
 const ALL_RAYS: usize = 8_000_000;
 /// Fewest and most rays of an element.
 const RAYS: (u32, u32) = (16, 512);
-/// Rounds before the last one, with a quarter of its rays each.
-const FIRST_ROUNDS: usize = 3;
+/// What the rays of the last round are divided by in each round before it. The first ones subdivide; those after them only let the light
+/// go on bouncing, for which few rays are enough: the noise of one element is one of very many in what others see.
+const FIRST_ROUNDS: [u32; 8] = [4, 4, 4, 16, 16, 16, 16, 16];
+/// Rounds that subdivide.
+const SUBDIVIDING: usize = 3;
+/// The rays of an element over those of one of the mean area, at least and at most. Otherwise they go by area, so that a large element, which is
+/// all that is seen in some place, has no more noise than many small ones.
+const BY_AREA: (f32, f32) = (0.25, 16.0);
 /// Panes and holes on the way of a ray.
 const MAX_CROSSINGS: u32 = 64;
 /// Shadow rays end this much (relative) before a light.
@@ -56,9 +62,12 @@ pub fn refine(scene: &Scene, lights: &DirectLights, solved: &mut Solved, options
         return None;
     }
     let rays_of = |count: usize| options.rays.unwrap_or_else(|| ((ALL_RAYS / count.max(1)) as u32).clamp(RAYS.0, RAYS.1));
-    for round in 0..FIRST_ROUNDS {
-        let rays = (rays_of(solved.mesh.leaf_count()) / 4).max(1);
+    for (round, share) in FIRST_ROUNDS.into_iter().enumerate() {
+        let rays = (rays_of(solved.mesh.leaf_count()) / share).max(1);
         gather(scene, solved, rays, options.seed.wrapping_add(round as u64), progress, round);
+        if round >= SUBDIVIDING {
+            continue;
+        }
         let first = solved.mesh.nodes.len() as u32;
         subdivide(scene, solved, options.elements);
         let new: Vec<u32> = solved.mesh.leaves().into_iter().filter(|&i| i >= first).collect();
@@ -67,14 +76,15 @@ pub fn refine(scene: &Scene, lights: &DirectLights, solved: &mut Solved, options
         }
     }
     let rays = rays_of(solved.mesh.leaf_count());
-    gather(scene, solved, rays, options.seed.wrapping_add(FIRST_ROUNDS as u64), progress, FIRST_ROUNDS);
-    Some(format!("local pass: {} elements look around with {rays} rays each", solved.mesh.leaf_count()))
+    gather(scene, solved, rays, options.seed.wrapping_add(FIRST_ROUNDS.len() as u64), progress, FIRST_ROUNDS.len());
+    Some(format!("local pass: {} elements look around with {rays} rays where they have the mean area", solved.mesh.leaf_count()))
 }
 
 /// One round: the irradiance of all elements from the radiosity of all.
 fn gather(scene: &Scene, solved: &mut Solved, rays: u32, seed: u64, progress: &Progress, round: usize) {
     let leaves = solved.mesh.leaves();
     let sampler = Sampler { kind: SamplerKind::Sobol, seed: seed ^ 0x10ca_19a5, spp: rays };
+    let mean_area = solved.mesh.area / leaves.len().max(1) as f32;
     let done = std::sync::atomic::AtomicUsize::new(0);
     // `None` for what a cancelled round has not reached, `Some(None)` for what lies inside of other bodies.
     let found: Vec<Option<Option<Spectrum>>> = leaves
@@ -82,10 +92,12 @@ fn gather(scene: &Scene, solved: &mut Solved, rays: u32, seed: u64, progress: &P
         .map(|&leaf| {
             let k = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             if k.is_multiple_of(1024) {
-                progress.tell("local pass", (round as f64 + k as f64 / leaves.len() as f64) / (FIRST_ROUNDS + 1) as f64);
+                progress.tell("local pass", (round as f64 + k as f64 / leaves.len() as f64) / (FIRST_ROUNDS.len() + 1) as f64);
             }
             (!progress.is_cancelled()).then(|| {
                 let (mut sum, mut count) = (Spectrum::ZERO, 0u32);
+                let by_area = (solved.mesh.nodes[leaf as usize].area / mean_area).clamp(BY_AREA.0, BY_AREA.1);
+                let rays = ((rays as f32 * by_area) as u32).max(1);
                 for index in 0..rays {
                     let Some(e) = look(scene, solved, leaf, &mut sampler.stream(leaf, 0, index)) else { continue };
                     count += 1;
