@@ -25,11 +25,6 @@ impl Mnee {
     pub fn new(path: Path) -> Self {
         Self { path, chains: None }
     }
-
-    /// Whether the scene has anything to look for. After [`Integrator::prepare`].
-    pub(super) fn has_chains(&self) -> bool {
-        self.chains.is_some()
-    }
 }
 
 impl Integrator for Mnee {

@@ -31,6 +31,9 @@ const MAX_CROSSINGS: u32 = 1024;
 /// First dimension of the numbers that the search for chains takes: beyond those of any path.
 const CHAIN_DIMENSIONS: u32 = 5 << 16;
 
+/// How often chains are looked for beyond what the camera sees first: there they are averaged anyhow.
+const DEEP_CHAINS: f32 = 0.5;
+
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
@@ -231,8 +234,12 @@ impl Path {
         rng: &mut HashRng,
         out: &mut Estimate,
     ) {
+        let chance = if depth == 0 { 1.0 } else { DEEP_CHAINS };
+        if rng.next_1d() >= chance {
+            return;
+        }
         if let Some((light, group)) = chains.estimate(scene, start, self.max_depth - depth - 1, rng) {
-            out.add(throughput * light, group);
+            out.add(throughput * light / chance, group);
         }
     }
 
@@ -287,15 +294,7 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
 
 /// Light from beyond the scene, but for lights that are `found` in another way.
 #[inline]
-fn add_infinite(
-    scene: &Scene,
-    d: Vec3,
-    throughput: Spectrum,
-    last: &Vertex,
-    depth: u32,
-    found: impl Fn(u32) -> bool,
-    out: &mut Estimate,
-) {
+fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, found: impl Fn(u32) -> bool, out: &mut Estimate) {
     if depth == 0 && scene.hide_lights {
         return;
     }

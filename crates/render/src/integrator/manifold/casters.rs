@@ -63,7 +63,8 @@ impl Casters {
                 }
                 let table = (range.end <= g.triangles.len()).then(|| {
                     *table_of.entry((placement.geometry, first)).or_insert_with(|| {
-                        let areas: Vec<f32> = range.map(|i| triangle::area(&corners(g, i))).map(|a| if a.is_finite() { a } else { 0.0 }).collect();
+                        let areas: Vec<f32> =
+                            range.map(|i| triangle::area(&corners(g, i))).map(|a| if a.is_finite() { a } else { 0.0 }).collect();
                         tables.push(PiecewiseConstant1D::new(&areas));
                         tables.len() as u32 - 1
                     })

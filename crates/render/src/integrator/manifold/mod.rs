@@ -28,7 +28,7 @@ use crate::scene::{Scene, Surface};
 use crate::shape::{Shape, area_to_solid_angle, triangle};
 use crate::spectrum::Spectrum;
 use casters::Casters;
-use walk::{Caster, MAX_VERTICES, Solution, Target, Tracer};
+use walk::{Caster, MAX_VERTICES, Plan, Solution, Target, Tracer};
 
 /// Starts after which a chain counts as found again; chains less likely than the reciprocal lose light. The mean number of starts
 /// is no more than the number of chains and one, whatever their probabilities.
@@ -37,9 +37,13 @@ const MAX_TRIALS: u32 = 1024;
 const LARGEST: f32 = 0.12;
 /// How often a start aims straight at the light; else at a random point of a caster.
 const STRAIGHT: f32 = 0.5;
-/// Probabilities that glass reflects at the first vertices; at all further ones together it is the rest to [`REFLECTS`].
-const REFLECTS_AT: [f32; 2] = [0.1, 0.06];
-const REFLECTS: f32 = 0.2;
+/// How often chains are looked for where no caster is between a point and the light.
+const IN_PLAIN_VIEW: f32 = 0.5;
+/// Probabilities that a chain is one that glass reflects at the first vertex, at the second, or at a later one.
+const REFLECTS_AT: [f32; 2] = [0.1, 0.12];
+const REFLECTS_LATER: f32 = 0.06;
+/// No vertex.
+const NOWHERE: u32 = u32::MAX;
 /// How often the point of a light is sampled as for direct light: from where the chain starts most chains see the same side.
 const AS_DIRECT: f32 = 0.75;
 
@@ -113,7 +117,7 @@ impl Chains {
         match self.sizes[light as usize] {
             None => false,
             Some(Size::Small) => from.diffuse || scene.lights[light as usize].is_delta(),
-            Some(Size::Ball(center, radius)) => from.diffuse && radius * radius < LARGEST * LARGEST * (center - from.p).length_squared(),
+            Some(Size::Ball(center, radius)) => from.diffuse && radius * radius < (LARGEST * LARGEST) * (center - from.p).length_squared(),
         }
     }
 
@@ -142,50 +146,98 @@ impl Chains {
         }
         let source = Source::sample(scene, light, &ctx, rng)?;
         let tracer = Tracer { scene, casters: self.casters.by_material(), start: *start };
-        let first = self.chain(&tracer, &source, longest, rng)?;
+        let mut search = Search::new(&tracer, &self.casters, &source, longest, rng);
+        // Where the light is in plain view, little comes by chains.
+        let chance = if search.straight.is_some() { 1.0 } else { IN_PLAIN_VIEW };
+        if rng.next_1d() >= chance {
+            return None;
+        }
+        let first = search.chain(rng)?;
         let f = start.eval(first.w);
         if f.is_black() {
             return None;
         }
         let sent = source.sent(scene, light, &first)?;
         let through = tracer.value(&first, source.target, rng)?;
-        let value = f * through * sent / (first.determinant.abs() * self.pmf(scene, &Some(from), light));
+        let value = f * through * sent / (first.determinant.abs() * search.share * chance * self.pmf(scene, &Some(from), light));
         if value.is_black() || !value.is_finite() {
             return None;
         }
         let mut trials = 1;
-        while trials < MAX_TRIALS && !self.chain(&tracer, &source, longest, rng).is_some_and(|again| again.is(&first)) {
+        while trials < MAX_TRIALS && !search.chain(rng).is_some_and(|again| again.is(&first)) {
             trials += 1;
         }
         Some((value * trials as f32, scene.light_groups[light as usize]))
     }
+}
 
-    /// A chain from a random start.
-    fn chain(&self, tracer: &Tracer, source: &Source, longest: u32, rng: &mut HashRng) -> Option<Solution> {
-        let p = tracer.start.p();
-        let (u_aim, u_reflect, u_length) = (rng.next_1d(), rng.next_1d(), rng.next_1d());
-        let reflect = match u_reflect {
-            u if u < REFLECTS_AT[0] => 0,
-            u if u < REFLECTS_AT[0] + REFLECTS_AT[1] => 1,
-            u if u < REFLECTS => 2 + ((u - REFLECTS_AT[0] - REFLECTS_AT[1]) / (REFLECTS - REFLECTS_AT[0] - REFLECTS_AT[1]) * 4.0) as u32,
-            _ => u32::MAX,
-        };
-        let straight = match source.target {
-            Target::Point(to) => (to - p).try_normalize(),
+/// The search for chains of a kind from a point to a point of a light.
+struct Search<'a> {
+    tracer: &'a Tracer<'a>,
+    casters: &'a Casters,
+    target: Target,
+    longest: u32,
+    /// The vertex at which glass reflects.
+    reflect: u32,
+    /// The probability of this kind.
+    share: f32,
+    /// Straight to the light, where a caster is in the way, and the chain that this start leads to once it is known.
+    straight: Option<Straight>,
+}
+
+struct Straight {
+    w: Vec3,
+    plan: Plan,
+    chain: Option<Option<Solution>>,
+}
+
+impl<'a> Search<'a> {
+    fn new(tracer: &'a Tracer, casters: &'a Casters, source: &Source, longest: u32, rng: &mut HashRng) -> Self {
+        let target = source.target;
+        let (reflect, share) = choose_reflection(rng.next_1d(), longest);
+        let w = match target {
+            Target::Point(to) => (to - tracer.start.p()).try_normalize(),
             Target::Direction(d) => Some(d),
         };
         // Reflections are seldom on the straight way.
-        if u_aim < STRAIGHT
-            && reflect == u32::MAX
-            && let Some(w) = straight
-            && let Some(plan) = tracer.plan(w, source.target, reflect, longest, u_length)
-        {
-            return tracer.solve(w, plan, source.target);
-        }
-        let w = (self.casters.point(tracer.scene, p, rng)? - p).try_normalize()?;
-        let plan = tracer.plan(w, source.target, reflect, longest, u_length)?;
-        tracer.solve(w, plan, source.target)
+        let straight = w
+            .filter(|_| reflect == NOWHERE)
+            .and_then(|w| Some(Straight { w, plan: tracer.plan(w, target, reflect, longest, 1.0)?, chain: None }));
+        Self { tracer, casters, target, longest, reflect, share, straight }
     }
+
+    /// A chain from a random start.
+    fn chain(&mut self, rng: &mut HashRng) -> Option<Solution> {
+        let (u_aim, u_length) = (rng.next_1d(), rng.next_1d());
+        if u_aim < STRAIGHT
+            && let Some(straight) = &mut self.straight
+        {
+            let Straight { w, plan, chain } = straight;
+            return *chain.get_or_insert_with(|| self.tracer.solve(*w, *plan, self.target));
+        }
+        let p = self.tracer.start.p();
+        let w = (self.casters.point(self.tracer.scene, p, rng)? - p).try_normalize()?;
+        let plan = self.tracer.plan(w, self.target, self.reflect, self.longest, u_length)?;
+        self.tracer.solve(w, plan, self.target)
+    }
+}
+
+/// The vertex at which glass reflects, with its probability.
+fn choose_reflection(u: f32, longest: u32) -> (u32, f32) {
+    let [first, second] = REFLECTS_AT;
+    let further = longest.saturating_sub(2);
+    if u < first {
+        return (0, first);
+    }
+    if u < first + second && longest > 1 {
+        return (1, second);
+    }
+    let start = if longest > 1 { first + second } else { first };
+    let share = REFLECTS_LATER / further.max(1) as f32;
+    if further > 0 && u < start + REFLECTS_LATER {
+        return ((2 + ((u - start) / share) as u32).min(longest - 1), share);
+    }
+    (NOWHERE, 1.0 - start - if further > 0 { REFLECTS_LATER } else { 0.0 })
 }
 
 /// The point or direction of a light that chains are to lead to.

@@ -5,6 +5,8 @@
 //! each vertex exactly. So all shapes are alike, a chain is at every step one that the path tracer could have followed, and the
 //! derivative at the end says how the chain focuses light (the generalized geometry term of Hanika et al. 2015).
 
+use std::cell::Cell;
+
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode, fresnel};
 use crate::integrator::light_sampling::{beyond, towards, transmittance};
@@ -18,12 +20,16 @@ use crate::spectrum::Spectrum;
 
 /// Most vertices of a chain.
 pub(super) const MAX_VERTICES: u32 = 6;
-/// Newton's steps before a seed is given up, halvings of one step, and the largest step.
-const MAX_STEPS: u32 = 20;
-const MAX_HALVINGS: u32 = 6;
+/// Chains that Newton's method follows before a start is given up (most starts that lead nowhere do so slowly, and those are most of
+/// the cost), halvings of one step, and the largest step.
+const MAX_FOLLOWED: u32 = 10;
+const MAX_HALVINGS: u32 = 4;
 const LARGEST_STEP: f32 = 0.5;
-/// How far the end of a chain may be turned from the light before a last step: the square of an angle.
-const TOLERANCE: f32 = 1e-8;
+/// How far the end of a chain may be turned from the light before a last step, and where no step brings it nearer: squares of angles.
+const TOLERANCE: f32 = 1e-10;
+const COARSE_TOLERANCE: f32 = 1e-8;
+/// How often a chain may have any length, not only that which fits best.
+const ANY_LENGTH: f32 = 0.25;
 /// Surfaces between two vertices that let light straight through.
 const MAX_CROSSINGS: u32 = 64;
 /// Directions nearer than this, on the same side of a fold and by the same facets, are the same chain.
@@ -211,13 +217,7 @@ impl Tracer<'_> {
     /// The beam that starts along `w`.
     fn first(&self, w: Vec3) -> Beam {
         let frame = Frame::from_normal(w);
-        Beam {
-            o: self.start.origin(w),
-            d: w,
-            origin_changes: [Vec3::ZERO; 2],
-            direction_changes: [frame.s, frame.t],
-            facets: 0,
-        }
+        Beam { o: self.start.origin(w), d: w, origin_changes: [Vec3::ZERO; 2], direction_changes: [frame.s, frame.t], facets: 0 }
     }
 
     /// What becomes of a beam at a caster; `None` where it cannot do that.
@@ -275,48 +275,45 @@ impl Tracer<'_> {
         Some(beam)
     }
 
-    /// A plan for chains that start along `w`: glass refracts but at the vertex `reflect`, or where it cannot; mirrors reflect. Of the
-    /// possible lengths it takes that whose end points best to the target, or for small numbers `u` any. Glass reflects once at most.
+    /// A plan for chains that start along `w`: mirrors reflect, and glass refracts but at the vertex `reflect`, if the chain has it. Of the
+    /// possible lengths it takes that whose end points best to the target, or for small numbers `u` any.
     pub fn plan(&self, w: Vec3, target: Target, reflect: u32, longest: u32, u: f32) -> Option<Plan> {
         let mut beam = self.first(w);
-        let (mut reflects, mut glass_has_reflected) = (0, false);
-        let (mut best, mut least) = (Plan::default(), f32::INFINITY);
+        let mut reflects = 0;
+        let (mut best, mut least) = (None, f32::INFINITY);
+        // Without the reflection that was asked for the chain would be one of another kind.
+        let shortest = if reflect < longest { reflect + 1 } else { 1 };
         for vertex in 0..longest {
             let Some((s, caster)) = self.met(Ray::new(beam.o, beam.d)) else { break };
-            let next = match caster {
-                Caster::Mirror => self.bounce(&beam, &s, caster, true).map(|b| (b, true)),
-                Caster::Glass(_) => {
-                    let refracted = if vertex == reflect { None } else { self.bounce(&beam, &s, caster, false) };
-                    match refracted {
-                        Some(b) => Some((b, false)),
-                        None if glass_has_reflected => None,
-                        None => {
-                            glass_has_reflected = true;
-                            self.bounce(&beam, &s, caster, true).map(|b| (b, true))
-                        }
-                    }
-                }
+            let mirrored = match caster {
+                Caster::Mirror if vertex == reflect => return None,
+                Caster::Mirror => true,
+                Caster::Glass(_) => vertex == reflect,
             };
-            let Some((b, mirrored)) = next else { break };
+            let Some(b) = self.bounce(&beam, &s, caster, mirrored) else { break };
             beam = b;
             reflects |= u32::from(mirrored) << vertex;
             let plan = Plan { vertices: vertex + 1, reflects };
+            if plan.vertices < shortest {
+                continue;
+            }
             let miss = target.miss(&beam).0.length_squared();
             if miss < least {
-                (best, least) = (plan, miss);
+                (best, least) = (Some(plan), miss);
             }
-            if u * 4.0 < 1.0 && (u * 4.0 * longest as f32) as u32 == vertex {
+            if u < ANY_LENGTH && (u / ANY_LENGTH * longest as f32) as u32 == vertex {
                 return Some(plan);
             }
         }
-        (best.vertices > 0).then_some(best)
+        best
     }
 
     /// Newton's method from the direction `w`, with the steps of Gauss for the three components of the miss.
     pub fn solve(&self, mut w: Vec3, plan: Plan, target: Target) -> Option<Solution> {
         let mut beam = self.follow(w, plan)?;
         let (mut miss, mut changes) = target.miss(&beam);
-        for _ in 0..MAX_STEPS {
+        let left = Cell::new(MAX_FOLLOWED);
+        loop {
             let now = miss.length_squared();
             let [a, b] = changes;
             let (aa, ab, bb) = (a.length_squared(), a.dot(b), b.length_squared());
@@ -333,17 +330,18 @@ impl Tracer<'_> {
             let frame = Frame::from_normal(w);
             let better = |step: Vec2| {
                 let next = (w + frame.s * step.x + frame.t * step.y).normalize();
+                left.set(left.get().checked_sub(1)?);
                 let beam = self.follow(next, plan)?;
                 let (miss, changes) = target.miss(&beam);
                 (miss.length_squared() < now).then_some((next, beam, miss, changes))
             };
+            let found = |w: Vec3, beam: Beam| {
+                let determinant = target.determinant(&beam);
+                (determinant != 0.0 && determinant.is_finite()).then_some(Solution { w, plan, end: beam, determinant })
+            };
             if now < TOLERANCE {
                 // Once more, so that the same chain is always told by its direction.
-                if let Some(next) = better(step) {
-                    (w, beam) = (next.0, next.1);
-                }
-                let determinant = target.determinant(&beam);
-                return (determinant != 0.0 && determinant.is_finite()).then_some(Solution { w, plan, end: beam, determinant });
+                return better(step).map_or_else(|| found(w, beam), |(w, beam, ..)| found(w, beam));
             }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
@@ -353,9 +351,13 @@ impl Tracer<'_> {
                 }
                 step *= 0.5;
             }
-            (w, beam, miss, changes) = next?;
+            match next {
+                Some(nearer) => (w, beam, miss, changes) = nearer,
+                // As near as single precision comes.
+                None if now < COARSE_TOLERANCE => return found(w, beam),
+                None => return None,
+            }
         }
-        None
     }
 
     /// The share of light that the vertices of a chain and all that is on its way let through; the last edge ends at a distance.
