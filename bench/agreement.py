@@ -3,7 +3,11 @@
 Renders scenes that have a reference picture with several seeds and prints a Markdown table: the difference of the mean, the share of
 16×16 tiles that differ by more than 3% and 6 standard errors, the relMSE at the given samples, and the time.
 
-    python bench/agreement.py SCENES_FOLDER [--etendue target/release/etendue] [--spp 64] [--seeds 4] [NAME ...]
+    python bench/agreement.py SCENES_FOLDER [--etendue target/release/etendue] [--spp 64] [--seeds 4] [--mitsuba PYTHON] [NAME ...]
+
+With `--mitsuba`, a Python that has the package mitsuba, its pictures of .xml scenes with the same samples and seeds follow: the same
+figures of its own, and between its tiles and ours the difference of the mean, the root mean square of the differences in standard errors
+(1.2 for four seeds, if nothing differs), and the largest of them. What a noisy scene does to these figures shows there.
 
 SCENES_FOLDER holds NAME.xml, NAME.glb or NAME/scene.xml, and refs/NAME.exr.
 Needs the package `etendue` (`make develop`) for reading EXR files.
@@ -12,6 +16,7 @@ Needs the package `etendue` (`make develop`) for reading EXR files.
 from __future__ import annotations
 
 import argparse
+import os
 import resource
 import subprocess
 import tempfile
@@ -22,6 +27,18 @@ import numpy as np
 import etendue
 
 TILE = 16
+MITSUBA = """
+import os, sys
+import numpy as np, mitsuba as mi
+mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
+scene = mi.load_file(sys.argv[1])
+spp, seeds = int(sys.argv[2]), int(sys.argv[3])
+for seed in range(1, seeds + 1):
+    # In parts, as memory grows with the samples of a call.
+    parts = [min(64, spp - at) for at in range(0, spp, 64)]
+    picture = sum(n * np.asarray(mi.render(scene, spp=n, seed=1000 * seed + i), np.float64) for i, n in enumerate(parts)) / spp
+    np.save(f"{sys.argv[4]}/{seed}.npy", picture[..., :3])
+"""
 
 
 def tiles(picture: np.ndarray) -> np.ndarray:
@@ -45,8 +62,8 @@ def relmse(picture: np.ndarray, reference: np.ndarray) -> float:
     return float(error[: int(len(error) * 0.999)].mean())
 
 
-def measure(args: argparse.Namespace, name: str) -> str:
-    """Render a scene with all seeds and return its row of the table."""
+def measure(args: argparse.Namespace, name: str) -> list[str]:
+    """Render a scene with all seeds and return its rows of the table."""
     scene = scene_file(args.folder, name)
     reference = np.asarray(etendue.read_image(args.folder / "refs" / f"{name}.exr"))[..., :3].astype(np.float64)
     height, width = reference.shape[:2]
@@ -59,19 +76,46 @@ def measure(args: argparse.Namespace, name: str) -> str:
             command = [args.etendue, "render", str(scene), *size, "--spp", str(args.spp), "--seed", str(seed), "-q", "-o", str(out)]
             subprocess.run(command, check=True)
             pictures.append(np.asarray(etendue.read_image(out))[..., :3].astype(np.float64))
-    seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
+        seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
+        rows = [row(args, name, pictures, reference, seconds)]
+        if args.mitsuba is not None and scene.suffix == ".xml":
+            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+            command = [args.mitsuba, "-c", MITSUBA, str(scene), str(args.spp), str(args.seeds), folder]
+            subprocess.run(command, check=True, env={**os.environ, "PYTHONWARNINGS": "ignore"})
+            seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
+            theirs = [np.load(Path(folder) / f"{seed}.npy") for seed in range(1, args.seeds + 1)]
+            rows.append(row(args, f"{name}, by Mitsuba", theirs, reference, seconds))
+            rows.append(between(name, pictures, theirs, reference))
+    return rows
+
+
+def row(args: argparse.Namespace, name: str, pictures: list[np.ndarray], reference: np.ndarray, seconds: float) -> str:
+    """Return the row of some pictures of one number of samples against the reference."""
     error = float(np.mean([relmse(p, reference) for p in pictures]))
-    # One firefly must not decide.
-    cap = np.quantile(reference, 0.999) * 4
-    stack = np.minimum(np.stack(pictures), cap)
-    reference = np.minimum(reference, cap)
+    stack, reference = np.minimum(np.stack(pictures), cap(reference)), np.minimum(reference, cap(reference))
     mean = stack.mean() / reference.mean() - 1
     means = np.stack([tiles(p) for p in stack])
     expected = tiles(reference)
-    spread = means.std(0, ddof=1) / np.sqrt(args.seeds)
+    spread = means.std(0, ddof=1) / np.sqrt(len(pictures))
     allowed = np.maximum(0.03 * np.maximum(expected, 0.05 * expected.mean()), 6 * spread + 1e-4 * expected.mean())
     off = (np.abs(means.mean(0) - expected) > allowed).mean()
-    return f"| {name} | {args.spp} × {args.seeds} | {mean:+.2%} | {off:.1%} | {error:.4f} | {seconds:.1f} s |"
+    return f"| {name} | {args.spp} × {len(pictures)} | {mean:+.2%} | {off:.1%} | {error:.4f} | {seconds:.1f} s |"
+
+
+def cap(reference: np.ndarray) -> float:
+    """Return where pictures are cut: one firefly must not decide."""
+    return float(np.quantile(reference, 0.999) * 4)
+
+
+def between(name: str, ours: list[np.ndarray], theirs: list[np.ndarray], reference: np.ndarray) -> str:
+    """Return how pictures of two programs with the same samples differ, tile by tile."""
+    a, b = (np.stack([tiles(np.minimum(p, cap(reference))) for p in pictures]) for pictures in (ours, theirs))
+    error = np.sqrt(a.var(0, ddof=1) / len(a) + b.var(0, ddof=1) / len(b))
+    z = (a.mean(0) - b.mean(0)) / np.maximum(error, 2e-5 * b.mean())
+    mean = a.mean() / b.mean() - 1
+    return (
+        f"| {name}, ours against theirs | | {mean:+.2%} | {np.sqrt((z**2).mean()):.2f} standard errors, at most {np.abs(z).max():.1f} | | |"
+    )
 
 
 def main() -> None:
@@ -82,11 +126,12 @@ def main() -> None:
     parser.add_argument("--etendue", default="target/release/etendue")
     parser.add_argument("--spp", type=int, default=64)
     parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--mitsuba", metavar="PYTHON", help="a Python with the package mitsuba")
     args = parser.parse_args()
     names = args.names or sorted(p.stem for p in (args.folder / "refs").glob("*.exr"))
     print("| scene | samples × seeds | mean | tiles off | relMSE of one picture | CPU time of one picture |\n|---|---|---|---|---|---|")
     for name in names:
-        print(measure(args, name), flush=True)
+        print("\n".join(measure(args, name)), flush=True)
 
 
 if __name__ == "__main__":

@@ -128,12 +128,12 @@ def costs(farm_folder, args):
     balls = "".join(f'<shape type="sphere"><point name="center" x="{x}" y="0" z="3"/></shape>' for x in (-0.6, 0.6))
     view = '<sensor type="perspective"><float name="fov" value="15"/></sensor><emitter type="constant"/>'
     path.write_text(f'<scene version="3.0.0">{view}{balls}</scene>')
-    scene = _etendue.load(path, [], {}, None, None, (0.0, 0, 0, (None, None)))
+    scene = _etendue.load(path, [], {}, None, None, None, None, (0, 0, (None, None)))
     parts = scene.prepare({"width": 960, "height": 540, "spp": 64, "integrator": "path"}, None, 1, [], True)
     tiles = [(x, y, x + 240, y + 135) for y in range(0, 540, 135) for x in range(0, 960, 240)][:8]
     films = [parts.render(tile, 0, 4) for tile in tiles]
     with Timer() as merging:
-        merged = _etendue.film_merge(films)
+        merged = _etendue.part_merge(films, 64)
     return {
         "units": units,
         "head_secs_per_unit": timer.cpu / units,
@@ -259,7 +259,7 @@ def trial(farm_folder, args):
     scene = farm_folder / "spin.pov"
     scene.write_text(SCENE)
     for frame in farm.jobs.frames(actor, job.id, limit=1000).items:
-        read = _etendue.load(scene, [], {}, None, None, (frame.clock, frame.number, args.frames, (args.width, args.width * 3 // 4)))
+        read = _etendue.load(scene, [], {}, None, None, None, frame.clock, (frame.number, args.frames, (args.width, args.width * 3 // 4)))
         parts = read.prepare(order["settings"], None, 0, [], True)
         target = farm_folder / "single.exr"
         _etendue.film_picture([parts.render(parts.crop, 0, parts.spp)], target, "standard", 0.0, False, False)

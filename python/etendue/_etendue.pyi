@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, final
 
 import numpy as np
@@ -40,6 +41,8 @@ class Scene:
     def prepare(
         self, settings: Mapping[str, object], crop: Sequence[int] | None, threads: int, aovs: Sequence[str], fixed_spp: bool
     ) -> Prepared: ...
+    def prepare_bake(self, settings: Mapping[str, object], threads: int, options: Mapping[str, object]) -> PreparedBake: ...
+    def prepare_photons(self, settings: Mapping[str, object], threads: int) -> PreparedPhotons: ...
     def render(
         self,
         settings: Mapping[str, object],
@@ -71,7 +74,47 @@ class Prepared:
     warnings: list[str]
     def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
 
-def film_merge(films: Sequence[bytes]) -> bytes: ...
+@final
+class PreparedBake:
+    """A scene that is ready to be baked, of which some points are sampled at a time; points lie in one row of pixels."""
+
+    width: int
+    height: int
+    crop: tuple[int, int, int, int]
+    spp: int
+    is_adaptive: bool
+    splats: bool
+    has_costly_passes: bool
+    warnings: list[str]
+    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
+    def finish(
+        self,
+        part: bytes,
+        path: str | os.PathLike[str],
+        *,
+        display: str,
+        probes: Sequence[int] | None,
+        maps: bool,
+        directional: bool,
+        denoise: bool,
+    ) -> tuple[list[Path], list[str], float, _Array | None]: ...
+
+@final
+class PreparedPhotons:
+    """A compiled scene whose photons are traced, some at a time: a picture of one pixel whose samples are photons."""
+
+    width: int
+    height: int
+    crop: tuple[int, int, int, int]
+    spp: int
+    is_adaptive: bool
+    splats: bool
+    has_costly_passes: bool
+    warnings: list[str]
+    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
+
+def part_merge(parts: Sequence[bytes], memory_mib: int) -> bytes: ...
+def part_info(part: bytes) -> dict[str, Any]: ...
 def film_info(films: Sequence[bytes]) -> dict[str, Any]: ...
 def film_layers(films: Sequence[bytes], variance: bool, samples: bool, whole: bool = False) -> _Layers: ...
 def film_picture(
@@ -83,7 +126,9 @@ def load(
     defines: Mapping[str, str],
     variant: str | None,
     scene: str | None,
-    moment: tuple[float, int, int, tuple[int | None, int | None]] | None,
+    animation: str | None,
+    clock: float | None,
+    moment: tuple[int, int, tuple[int | None, int | None]] | None,
 ) -> Scene: ...
 def load_string(
     text: str,

@@ -224,6 +224,8 @@ def load(
     variant: str | None = None,
     *,
     scene: str | None = None,
+    animation: str | None = None,
+    clock: float | None = None,
 ) -> Scene:
     """Read a scene file: Mitsuba 3 and older (.xml), POV-Ray (.pov), pbrt-v4 (.pbrt), glTF (.gltf, .glb), .obj, .ply, .stl.
 
@@ -233,6 +235,8 @@ def load(
         defines: Values for `$key` in a Mitsuba file.
         variant: Material variant of a glTF file.
         scene: Scene of a glTF file, by name or number.
+        animation: Animation of a glTF file, by name or number; None: the first.
+        clock: Second of that animation, None: the pose without animation; or `clock` of a POV-Ray scene.
 
     Returns:
         The scene, with a camera and a light where the file has none.
@@ -242,7 +246,7 @@ def load(
         SceneError: The scene has faults; all of them with their places.
         UnsupportedError: The format is not read.
     """
-    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene, None))
+    return Scene(_etendue.load(path, list(search_paths), _texts(defines), variant, scene, animation, clock, None))
 
 
 def load_string(

@@ -49,15 +49,17 @@ class RenderSettings(TypedDict, total=False):
     radiosity_method: str | None
     """How radiosity is solved: hierarchical, progressive, matrix."""
     radiosity_error: float | None
-    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given."""
+    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.002 where not given."""
     radiosity_elements: int | None
     """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
     radiosity_links: int | None
-    """Most links of hierarchical radiosity, 20 bytes each; 60000000 where not given."""
+    """Most links of hierarchical radiosity, 24 bytes each; 60000000 where not given."""
     radiosity_form_factors: str | None
     """How progressive and matrix radiosity find form factors: rays, hemicube."""
     radiosity_solver: str | None
     """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
+    radiosity_rays: int | None
+    """Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given."""
     radiosity_gather: int | None
     """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
     radiosity_display: str | None
@@ -74,6 +76,8 @@ class RenderSettings(TypedDict, total=False):
     """Farthest reach of estimates of density, for sppm and vcm the first radius; found from the scene where not given."""
     photon_memory: int | None
     """Most memory for photons; where they are more, they are thinned, with a message."""
+    photon_beams: bool | None
+    """In homogeneous media the ways of photons (beams) send light to the camera, not the points where they are scattered."""
     photon_map: str | None
     """Photon map to use, made before by `etendue photons trace`: for particles and photon."""
     camera: str | None

@@ -26,9 +26,12 @@ pub struct SceneArgs {
     /// Scene of a glTF file, by name or number.
     #[arg(long = "gltf-scene", value_name = "NAME", help_heading = "Reading")]
     pub gltf_scene: Option<String>,
-    /// `clock` of a POV-Ray scene.
-    #[arg(long, value_name = "NUMBER", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Reading")]
-    pub clock: f64,
+    /// Animation of a glTF file, by name or number [default: the first].
+    #[arg(long = "gltf-animation", value_name = "NAME", help_heading = "Reading")]
+    pub gltf_animation: Option<String>,
+    /// `clock` of a POV-Ray scene [default: 0]; second of a glTF file's animation [default: the pose without animation].
+    #[arg(long, value_name = "NUMBER", allow_negative_numbers = true, help_heading = "Reading")]
+    pub clock: Option<f64>,
     /// `frame_number` of a POV-Ray scene; 0 for a picture that is no frame of an animation.
     #[arg(long, value_name = "NUMBER", default_value_t = 0, help_heading = "Reading")]
     pub frame: i32,
@@ -62,6 +65,8 @@ impl SceneArgs {
             defines: self.defines.iter().cloned().collect(),
             variant: self.variant.clone(),
             scene: self.gltf_scene.clone(),
+            time: self.clock,
+            animation: self.gltf_animation.clone(),
             pov: self.pov_options(size),
         };
         let mut desc = formats::read(&self.scene, &options)?;
@@ -81,7 +86,7 @@ impl SceneArgs {
                 [None, Some(n)] => [scaled(n, w, h), n],
                 [None, None] => [w, h],
             };
-            let mut options = PovOptions { declares: self.defines.clone(), clock: self.clock, size, ..default };
+            let mut options = PovOptions { declares: self.defines.clone(), clock: self.clock.unwrap_or(0.0), size, ..default };
             if self.frame > 0 {
                 options.is_animation = true;
                 options.frame = self.frame;

@@ -1,6 +1,7 @@
 //! Long work beside Python: on a thread of its own, without Python's lock, while the calling thread handles signals.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
@@ -46,5 +47,25 @@ pub fn run<T: Send + 'static>(
             }
             return Err(e);
         }
+    }
+}
+
+/// A pool of so many threads; 0 takes one for each core.
+pub fn pool(py: Python<'_>, threads: usize) -> PyResult<Arc<rayon::ThreadPool>> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
+    pool.map(Arc::new).map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))
+}
+
+/// What [`run`] calls at each tick: asks whether to stop.
+pub fn stopper(should_stop: Option<&Bound<'_, PyAny>>, cancel: &Cancel) -> impl FnMut(Python<'_>) -> PyResult<()> {
+    let should_stop = should_stop.map(|f| f.clone().unbind());
+    let cancel = cancel.clone();
+    move |py| {
+        if let Some(should_stop) = &should_stop
+            && should_stop.bind(py).call0()?.is_truthy()?
+        {
+            cancel.cancel();
+        }
+        Ok(())
     }
 }

@@ -8,12 +8,12 @@ use etendue_render::image::tonemap::{ToneMap, ToneOperator};
 use etendue_render::image::{ImageError, WriteOptions};
 use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::PyDict;
 
 use crate::{background, errors, layers};
 
 /// The sum of films, over the smallest rectangle that has the pixels of all.
-fn merged(files: &[PyBackedBytes]) -> Result<Film, String> {
+pub fn merged(files: &[PyBackedBytes]) -> Result<Film, String> {
     let mut total: Option<Film> = None;
     let read = |bytes: &PyBackedBytes| Film::from_bytes(bytes, DEFAULT_MEMORY_LIMIT).map_err(|e: FilmFileError| e.to_string());
     let mut rects = Vec::with_capacity(files.len());
@@ -40,15 +40,6 @@ fn merged(files: &[PyBackedBytes]) -> Result<Film, String> {
 
 fn merge(py: Python<'_>, files: Vec<PyBackedBytes>) -> PyResult<Film> {
     background::run(py, None, move || merged(&files), |_| Ok(()))?.map_err(|e| errors::error(py, "ImageError", e))
-}
-
-/// The exact sum of film files, as a film file's bytes.
-#[pyfunction]
-pub fn film_merge(py: Python<'_>, films: Vec<PyBackedBytes>) -> PyResult<Bound<'_, PyBytes>> {
-    let film = merge(py, films)?;
-    let mut bytes = Vec::new();
-    py.detach(|| film.write_to(&mut bytes)).map_err(|e| errors::error(py, "Error", e.to_string()))?;
-    Ok(PyBytes::new(py, &bytes))
 }
 
 /// What film files hold together.

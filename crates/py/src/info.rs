@@ -15,6 +15,7 @@ pub fn of<'py>(py: Python<'py>, desc: &SceneDesc) -> PyResult<Bound<'py, PyDict>
     info.set_item("spp", desc.film.spp)?;
     info.set_item("integrator", Some(&desc.integrator.name).filter(|n| !n.is_empty()))?;
     info.set_item("max_depth", desc.integrator.max_depth)?;
+    info.set_item("animations", desc.animations.iter().map(|a| (a.name.as_str(), a.secs)).collect::<Vec<_>>())?;
     info.set_item("cameras", desc.cameras.iter().map(|c| (name(c), projection(&c.value.projection))).collect::<Vec<_>>())?;
     info.set_item("lights", desc.lights.iter().map(|l| (name(l), light(&l.value))).collect::<Vec<_>>())?;
     info.set_item("emissive_shapes", desc.shapes.iter().filter(|s| s.value.emission.is_some()).count())?;

@@ -4,6 +4,7 @@
 //! All long work runs on threads without Python's lock, see [`background`].
 
 mod background;
+mod bake;
 mod command;
 mod compiled;
 mod dict;
@@ -13,6 +14,8 @@ mod images;
 mod info;
 mod layers;
 mod parts;
+mod photons;
+mod pieces;
 mod places;
 mod render;
 mod scene;
@@ -23,13 +26,19 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _etendue {
     #[pymodule_export]
+    use super::bake::PreparedBake;
+    #[pymodule_export]
     use super::command::cli_main;
     #[pymodule_export]
-    use super::films::{film_info, film_layers, film_merge, film_picture};
+    use super::films::{film_info, film_layers, film_picture};
     #[pymodule_export]
     use super::images::{compare, flip_map, read_layers, tonemap, write_layers};
     #[pymodule_export]
     use super::parts::Prepared;
+    #[pymodule_export]
+    use super::photons::PreparedPhotons;
+    #[pymodule_export]
+    use super::pieces::{part_info, part_merge};
     #[pymodule_export]
     use super::render::Status;
     #[pymodule_export]

@@ -4,13 +4,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use etendue_render::film::Rect;
 use etendue_render::session::job::{self, JobError, Plan};
-use etendue_render::session::{Aov, Cancel, Reason, Session, Silent, Stop};
+use etendue_render::session::{Aov, Cancel, Reason, Session, SessionError, Silent, Stop};
 use etendue_scene::{RenderSettings, SceneDesc};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
 use crate::places::Places;
 use crate::{background, errors};
+
+/// Why nothing is prepared.
+enum Fault {
+    Job(JobError),
+    Session(SessionError),
+}
 
 /// A compiled scene with its settings, from which parts of the picture are rendered one after the other.
 #[pyclass(frozen, module = "etendue._etendue")]
@@ -45,7 +51,7 @@ pub struct Prepared {
     /// A hash of all that the picture depends on.
     #[pyo3(get)]
     scene_hash: String,
-    /// What the scene names and could not be loaded.
+    /// What the method has chosen or found, and what the scene names and could not be loaded.
     #[pyo3(get)]
     warnings: Vec<String>,
 }
@@ -71,16 +77,23 @@ impl Prepared {
             plan.spp = job::DEFAULT_SPP;
             plan.antialias = None;
         }
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
-        let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);
+        let pool = background::pool(py, threads)?;
         let (worker, worker_desc, worker_plan) = (Arc::clone(&pool), Arc::clone(desc), plan.clone());
+        let cancel = Cancel::default();
+        let worker_cancel = cancel.clone();
         let work = move || {
             worker.install(|| {
-                let session = job::prepare(&worker_desc, &settings, &worker_plan, &aovs)?;
+                let mut session = job::prepare(&worker_desc, &settings, &worker_plan, &aovs).map_err(Fault::Job)?;
+                // What the method does once (a pilot, a solution) decides how the picture is best cut, and is no part's own cost.
+                session.render(&Stop { spp: Some(0), ..Stop::default() }, &worker_cancel, &Silent).map_err(Fault::Session)?;
                 Ok((session, worker_desc.content_hash()))
             })
         };
-        let (mut session, scene_hash) = background::run(py, None, work, |_| Ok(()))?.map_err(job_error)?;
+        let made = background::run(py, Some(&cancel), work, |_| Ok(()))?;
+        let (mut session, scene_hash) = made.map_err(|e| match e {
+            Fault::Job(e) => job_error(e),
+            Fault::Session(e) => errors::error(py, "SettingError", e.to_string()),
+        })?;
         session.set_scene_hash(scene_hash.clone());
         let Rect { x0, y0, x1, y1 } = plan.crop;
         Ok(Self {
@@ -92,7 +105,7 @@ impl Prepared {
             splats: session.splats(),
             has_costly_passes: session.has_costly_passes(),
             integrator: plan.integrator,
-            warnings: session.warnings().to_vec(),
+            warnings: [session.notes(), session.warnings().to_vec()].concat(),
             session: Arc::new(Mutex::new(Some(session))),
             scene_hash,
             pool,
@@ -146,15 +159,8 @@ impl Prepared {
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
             Ok::<_, String>((result != Reason::Cancelled).then_some(bytes))
         };
-        let tick = |_: Python<'_>| {
-            if let Some(should_stop) = &should_stop
-                && should_stop.call0()?.is_truthy()?
-            {
-                cancel.cancel();
-            }
-            Ok(())
-        };
-        let bytes = background::run(py, Some(&cancel), work, tick)?.map_err(|e| errors::error(py, "Error", e))?;
+        let bytes = background::run(py, Some(&cancel), work, background::stopper(should_stop.as_ref(), &cancel))?
+            .map_err(|e| errors::error(py, "Error", e))?;
         Ok(bytes.map(|b| PyBytes::new(py, &b)))
     }
 }

@@ -12,8 +12,10 @@ use glam::DMat4;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::bake::PreparedBake;
 use crate::compiled::{Compiled, Source};
 use crate::parts::Prepared;
+use crate::photons::PreparedPhotons;
 use crate::places::{Place, Places};
 use crate::render::RenderArgs;
 use crate::{background, dict, errors, info, render};
@@ -95,6 +97,22 @@ impl Scene {
         Prepared::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, crop, threads, &aovs, fixed_spp)
     }
 
+    /// Makes a bake ready for a farm's worker: `options` are those of `etendue bake`.
+    fn prepare_bake(
+        &self,
+        py: Python<'_>,
+        settings: &Bound<'_, PyDict>,
+        threads: usize,
+        options: &Bound<'_, PyDict>,
+    ) -> PyResult<PreparedBake> {
+        PreparedBake::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, threads, options)
+    }
+
+    /// Makes the tracing of photons ready for a farm's worker.
+    fn prepare_photons(&self, py: Python<'_>, settings: &Bound<'_, PyDict>, threads: usize) -> PyResult<PreparedPhotons> {
+        PreparedPhotons::new(py, &self.desc, &self.places, &crate::settings::from_keywords(settings)?, threads)
+    }
+
     /// Renders; see `etendue.Scene.render`. Returns the layers of the picture by name.
     #[pyo3(signature = (settings, *, crop, time, noise, threads, aovs, progress, preview))]
     #[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
@@ -144,11 +162,13 @@ fn with_losses(mut desc: SceneDesc) -> SceneDesc {
     desc
 }
 
-/// Clock, number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
-type Moment = (f64, i32, i32, [Option<u32>; 2]);
+/// Number of the frame (0: no animation) and of the last frame, size of the picture as far as it is given.
+type Moment = (i32, i32, [Option<u32>; 2]);
 
-/// Reads a scene file of any format, as the command line does.
+/// Reads a scene file of any format; with a moment, as the command line does. `clock` is that of a POV-Ray scene, or a second of a glTF
+/// file's animation.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of one Python function")]
 pub fn load(
     py: Python<'_>,
     path: PathBuf,
@@ -156,15 +176,30 @@ pub fn load(
     defines: BTreeMap<String, String>,
     variant: Option<String>,
     scene: Option<String>,
+    animation: Option<String>,
+    clock: Option<f64>,
     moment: Option<Moment>,
 ) -> PyResult<Scene> {
-    let Some((clock, frame, frames, size)) = moment else {
-        let options = options(search_paths, defines, variant, scene);
+    let Some((frame, frames, size)) = moment else {
+        let mut options = ReadOptions { time: clock, animation, ..options(search_paths, defines, variant, scene) };
+        options.pov.clock = clock.unwrap_or(0.0);
         return read(py, Places::default(), move || formats::read(&path, &options).map(with_losses));
     };
     let defines = defines.into_iter().collect();
     let script_output = None;
-    let args = SceneArgs { scene: path, search_paths, defines, variant, gltf_scene: scene, clock, frame, frames, script_output, pov: None };
+    let args = SceneArgs {
+        scene: path,
+        search_paths,
+        defines,
+        variant,
+        gltf_scene: scene,
+        gltf_animation: animation,
+        clock,
+        frame,
+        frames,
+        script_output,
+        pov: None,
+    };
     read(py, Places::default(), move || args.read(size))
 }
 

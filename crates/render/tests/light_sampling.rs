@@ -3,8 +3,8 @@
 #![allow(clippy::unwrap_used)]
 
 use etendue_render::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightContext, PointLight, SceneSphere, SpotLight,
-    SunLight,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightContext, PointLight, Rows, SceneSphere,
+    SpotLight, SunLight,
 };
 use etendue_render::math::hash::{mix32, unit_float};
 use etendue_render::math::{INV_TAU, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
@@ -36,8 +36,8 @@ fn picture(width: usize, height: usize) -> Vec<[f32; 3]> {
     texels
 }
 
-fn environment(compensate: bool) -> EnvironmentLight {
-    EnvironmentLight::new((24, 12), picture(24, 12), [1.0, 0.5, 2.0], turned(), compensate).unwrap()
+fn environment(compensate: bool, rows: Rows) -> EnvironmentLight {
+    EnvironmentLight::new((24, 12), picture(24, 12), [1.0, 0.5, 2.0], turned(), compensate, rows).unwrap()
 }
 
 fn area(geometry: AreaGeometry, two_sided: bool, flip_normals: bool) -> Light {
@@ -65,7 +65,8 @@ fn lights() -> Vec<(&'static str, Light)> {
         ("sun", Light::Sun(SunLight::new(Vec3::new(1.0, -2.0, 3.0), [1.0, 2.0, 0.5], 0.004_65).unwrap())),
         ("wide sun", Light::Sun(SunLight::new(Vec3::Y, [1.0, 2.0, 0.5], 1.2).unwrap())),
         ("constant", Light::Constant(ConstantLight { radiance: Spectrum::from_rgb([1.0, 2.0, 0.5]) })),
-        ("environment", Light::Environment(Box::new(environment(false)))),
+        ("environment", Light::Environment(Box::new(environment(false, Rows::Centered)))),
+        ("environment with rows on the poles", Light::Environment(Box::new(environment(false, Rows::OnPoles)))),
     ]
 }
 
@@ -179,8 +180,16 @@ fn infinite_lights_light_surfaces_as_quadrature_says() {
 
 #[test]
 fn environment_convention_and_mean() {
-    let light =
-        |m: Mat4| EnvironmentLight::new((8, 4), (0..32).map(|i| [i as f32, (i % 8) as f32, (i / 8) as f32]).collect(), [1.0; 3], m, false);
+    let light = |m: Mat4| {
+        EnvironmentLight::new(
+            (8, 4),
+            (0..32).map(|i| [i as f32, (i % 8) as f32, (i / 8) as f32]).collect(),
+            [1.0; 3],
+            m,
+            false,
+            Rows::Centered,
+        )
+    };
     let e = light(Mat4::IDENTITY).unwrap();
     // The seam of columns 3 and 4 is −z, that of 5 and 6 is +x, rows 1 and 2 meet at the horizon.
     assert_close("-z", e.radiance(-Vec3::Z), Spectrum::from_rgb([15.5, 3.5, 1.5]), 1e-5);
@@ -201,7 +210,7 @@ fn environment_convention_and_mean() {
 /// With compensation the density still integrates to one and leaves out what is darker than the mean.
 #[test]
 fn compensated_environment() {
-    let (plain, compensated) = (environment(false), environment(true));
+    let (plain, compensated) = (environment(false, Rows::Centered), environment(true, Rows::Centered));
     let n = 400_000;
     let (mut sum, mut left_out) = (0.0f64, 0);
     for i in 0..n {
@@ -257,21 +266,23 @@ fn sides_and_suns() {
 fn hostile_input_makes_no_light() {
     let singular = Mat4::from_scale(Vec3::new(1.0, 0.0, 1.0));
     for m in [singular, Mat4::ZERO, Mat4::from_scale(Vec3::NAN)] {
-        assert!(EnvironmentLight::new((2, 2), vec![[1.0; 3]; 4], [1.0; 3], m, false).is_none());
+        assert!(EnvironmentLight::new((2, 2), vec![[1.0; 3]; 4], [1.0; 3], m, false, Rows::Centered).is_none());
     }
     for size in [(0, 0), (0, 4), (3, 2), (usize::MAX, 2)] {
-        assert!(EnvironmentLight::new(size, vec![[1.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, false).is_none());
+        assert!(EnvironmentLight::new(size, vec![[1.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, false, Rows::Centered).is_none());
     }
     assert!(DirectionalLight::new(Vec3::ZERO, [1.0; 3]).is_none() && DirectionalLight::new(Vec3::NAN, [1.0; 3]).is_none());
     assert!(SunLight::new(Vec3::Z, [1.0; 3], 0.0).is_none() && SunLight::new(Vec3::Z, [f32::NAN; 3], 0.1).is_none());
     assert!(SpotLight::new(Mat4::ZERO, [1.0; 3], 0.1, 0.2, SpotFalloff::Linear).is_none());
     // Bad texels are black, one texel is a constant picture, and a black picture gives nothing.
-    let bad = EnvironmentLight::new((2, 1), vec![[f32::NAN, -1.0, f32::INFINITY], [1.0; 3]], [1.0; 3], Mat4::IDENTITY, false).unwrap();
+    let bad =
+        EnvironmentLight::new((2, 1), vec![[f32::NAN, -1.0, f32::INFINITY], [1.0; 3]], [1.0; 3], Mat4::IDENTITY, false, Rows::Centered)
+            .unwrap();
     assert!((0..1000).all(|i| bad.radiance(warp::uniform_sphere(rnd2(i))).is_finite()));
-    let one = EnvironmentLight::new((1, 1), vec![[2.0; 3]], [1.0; 3], Mat4::IDENTITY, true).unwrap();
+    let one = EnvironmentLight::new((1, 1), vec![[2.0; 3]], [1.0; 3], Mat4::IDENTITY, true, Rows::Centered).unwrap();
     assert_close("one texel", one.mean(), Spectrum::splat(2.0), 1e-5);
     assert!((one.pdf(Vec3::X) - 1.0 / (TAU * PI)).abs() < 1e-5);
-    let black = EnvironmentLight::new((2, 2), vec![[0.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, true).unwrap();
+    let black = EnvironmentLight::new((2, 2), vec![[0.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, true, Rows::Centered).unwrap();
     let ctx = LightContext { p: Vec3::ZERO, n: Vec3::ZERO };
     assert!(black.sample(&ctx, Vec2::splat(0.3)).is_none());
     // A light at the very point, and a triangle without area.

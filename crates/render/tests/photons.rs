@@ -258,7 +258,7 @@ fn other_lights_and_path_lengths_agree() {
     }
 }
 
-/// Light in fog, the lamp within it: the three methods agree with each other.
+/// Light in fog, the lamp within it, by points and by beams.
 #[test]
 fn fog_agrees() {
     let mut desc = room(true);
@@ -274,11 +274,19 @@ fn fog_agrees() {
     let place = Mat4::from_translation(Vec3::Z) * Mat4::from_scale(Vec3::splat(0.98));
     let fog = shape(&mut desc, GeometryDesc::Cube, place, Some(border));
     desc.shapes[fog.0 as usize].value.interior = Some(medium);
-    let sppm = with("sppm", 40, |s| s.photons = Some(20_000));
-    let reference = blocks(&desc, &sppm, 3);
-    let maps = |s: &mut RenderSettings| s.photons = Some(100_000);
-    assert_agree("fog, photon", &blocks(&desc, &with("photon", 32, maps), 3), &reference, 0.06);
-    assert_agree("fog, particles", &blocks(&desc, &with("particles", 32, maps), 3), &reference, 0.15);
+    let reference = blocks(&desc, &with("path", 256, |_| {}), 3);
+    for beams in [false, true] {
+        let agrees = |name: &str, spp: u32, photons: u32, bias: f64| {
+            let s = with(name, spp, |s| {
+                s.photons = Some(photons);
+                s.photon_beams = beams;
+            });
+            assert_agree(&format!("fog, {name}, beams: {beams}"), &blocks(&desc, &s, 3), &reference, bias);
+        };
+        agrees("sppm", 40, 20_000, 0.05);
+        agrees("photon", 32, 100_000, 0.06);
+        agrees("particles", 32, 100_000, 0.15);
+    }
 }
 
 #[test]
@@ -495,6 +503,28 @@ fn wrong_settings_are_refused() {
     assert!(error.to_string().contains("cannot use a photon map"));
 }
 
+/// In scenes of POV-Ray the light of a lamp falls on what casts no shadow, and on what is behind it.
+#[test]
+fn what_casts_no_shadow_lets_photons_through() {
+    let lit = |panel: &str| {
+        let text = format!(
+            "#version 3.7; camera {{ location <0, 3, -5> look_at 0 }} light_source {{ 3*y rgb 1 }}
+            disc {{ 0, y, 2 pigment {{ rgb 0 }} }} {panel}"
+        );
+        let desc = etendue_scene::formats::pov::read_bytes(std::path::Path::new("t.pov"), text.as_bytes(), &Default::default()).unwrap();
+        let scene = compile(&desc, &with("particles", 1, |_| {}));
+        let m = map(&scene, 60_000, u64::MAX);
+        let power = |low: bool| m.surface().iter().filter(|p| (p.p[1] < 0.5) == low).map(|p| f64::from(p.power[0])).sum::<f64>();
+        [power(true), power(false)]
+    };
+    let panel = |words: &str| lit(&format!("box {{ <-0.6, 1, -0.6>, <0.6, 1.02, 0.6> pigment {{ rgb 0 }} {words} }}"));
+    let (alone, hidden, through) = (lit(""), panel(""), panel("no_shadow"));
+    println!("{alone:?} {hidden:?} {through:?}");
+    assert!(alone[1] == 0.0 && hidden[0] < 0.7 * alone[0]);
+    assert!((through[0] / alone[0] - 1.0).abs() < 0.06, "{through:?} instead of {alone:?}");
+    assert!((through[1] / hidden[1] - 1.0).abs() < 0.06, "{through:?} instead of {hidden:?}");
+}
+
 /// Photons know how they came.
 #[test]
 fn routes() {
@@ -503,16 +533,17 @@ fn routes() {
     let scene = compile(&desc, &settings(4, 4, 1));
     let count = |keep: Keep, route: Route| {
         let tracer = Tracer::new(&scene, 0, u32::MAX, keep);
-        let deposits = tracer.trace(0, 0..20_000);
+        let deposits = tracer.trace(0, 0..20_000, 0);
         deposits.surface.iter().filter(|p| p.route() == route).count()
     };
     for route in [Route::Direct, Route::Caustic, Route::Indirect] {
         let all = count(Keep::ALL, route);
         assert!(all > 500, "{route:?}: {all}");
-        let only = Keep { direct: route == Route::Direct, caustic: route == Route::Caustic, indirect: route == Route::Indirect };
+        let only =
+            Keep { direct: route == Route::Direct, caustic: route == Route::Caustic, indirect: route == Route::Indirect, beams: false };
         assert_eq!(count(only, route), all);
     }
     // A path of length 1 is direct light.
     let tracer = Tracer::new(&scene, 0, 1, Keep::ALL);
-    assert!(tracer.trace(0, 0..2000).surface.iter().all(|p| p.depth() == 0 && p.route() == Route::Direct));
+    assert!(tracer.trace(0, 0..2000, 0).surface.iter().all(|p| p.depth() == 0 && p.route() == Route::Direct));
 }

@@ -47,16 +47,18 @@ params! {
         envmap_correction: Option<String> = None, "name", "";
         /// How radiosity is solved: hierarchical, progressive, matrix.
         radiosity_method: Option<String> = None, "name", "";
-        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given.
+        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.002 where not given.
         radiosity_error: Option<f32> = None, "number", "";
         /// Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given.
         radiosity_elements: Option<u32> = None, "integer", "elements";
-        /// Most links of hierarchical radiosity, 20 bytes each; 60000000 where not given.
+        /// Most links of hierarchical radiosity, 24 bytes each; 60000000 where not given.
         radiosity_links: Option<u32> = None, "integer", "links";
         /// How progressive and matrix radiosity find form factors: rays, hemicube.
         radiosity_form_factors: Option<String> = None, "name", "";
         /// How matrix radiosity solves its system: gauss-seidel, jacobi, direct.
         radiosity_solver: Option<String> = None, "name", "";
+        /// Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given.
+        radiosity_rays: Option<u32> = None, "integer", "rays";
         /// Rays of a final gather from each sample; 0 shows the radiosity solution itself.
         radiosity_gather: Option<u32> = None, "integer", "rays";
         /// How the radiosity solution is drawn without gathering: smooth, elements, mesh.
@@ -73,6 +75,8 @@ params! {
         photon_radius: Option<f32> = None, "number", "scene units";
         /// Most memory for photons; where they are more, they are thinned, with a message.
         photon_memory: u32 = 1024, "integer", "MiB";
+        /// In homogeneous media the ways of photons (beams) send light to the camera, not the points where they are scattered.
+        photon_beams: bool = false, "switch", "";
         /// Photon map to use, made before by `etendue photons trace`: for particles and photon.
         photon_map: Option<String> = None, "file", "";
         /// Name or number of the camera, where a file has several.

@@ -1,6 +1,8 @@
 //! The glTF reader and writer.
 #![allow(clippy::unwrap_used, clippy::panic, clippy::print_stderr)]
 
+#[path = "gltf/animation.rs"]
+mod animation;
 #[path = "gltf/build.rs"]
 mod build;
 #[path = "gltf/geometry.rs"]

@@ -57,7 +57,7 @@ fn fails(text: &str, message: &str) {
 #[test]
 fn functions_without_a_formula_are_reported() {
     let declared = "#declare f_comma = function { internal(9) }";
-    for text in ["#declare V = f_comma(1, 2, 3);", "#declare F = function { f_comma(x, y, z) + x }", "#declare V = 1;"] {
+    for text in ["#declare V = f_comma(1, 2, 3, 1);", "#declare F = function { f_comma(x, y, z, 1) + x }", "#declare V = 1;"] {
         let text = format!("{declared}\n{text}");
         let desc = pov::read_bytes(Path::new("test.pov"), text.as_bytes(), &ReadOptions::default()).unwrap();
         let reported = desc.report.losses.iter().any(|l| l.feature.contains("f_comma"));

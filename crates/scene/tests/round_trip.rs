@@ -131,7 +131,7 @@ fn what_mitsuba_cannot_say_is_listed_as_lost() {
             image,
             scale: [1.0, 2.0, 3.0],
             world_from_light: Mat4::IDENTITY,
-            mapping: EnvironmentMapping::Equirectangular,
+            mapping: EnvironmentMapping::EquirectangularOnPoles,
         },
     ));
     let path = folder.path().join("out.xml");

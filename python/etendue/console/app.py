@@ -31,7 +31,7 @@ from etendue.console.limits import BodyLimit
 from etendue.console.routes import events, farm, jobs, pictures, session
 from etendue.console.security import SecurityHeaders
 from etendue.console.settings import ConsoleSettings
-from etendue.farm.errors import FarmError
+from etendue.farm.errors import FarmError, NotFoundError
 from etendue.farm.service import Farm
 
 logger = logging.getLogger("etendue.console")
@@ -42,7 +42,7 @@ PAGES = ("/", "/sign-in", "/submit", "/jobs/{job}", "/nodes", "/cost", "/log", "
 """Addresses that people see; the page's own script shows what belongs there."""
 
 _WORDS = {400: "invalid", 401: "unauthorized", 403: "forbidden", 404: "not-found", 405: "not-allowed", 413: "too-large", 415: "invalid"}
-_LOGGED = frozenset({401, 403, 413, 429})
+_LOGGED = frozenset({401, 403, 413, 422, 429})
 
 
 def create_app(service: Farm, settings: ConsoleSettings | None = None) -> FastAPI:
@@ -107,8 +107,10 @@ def _add_pages(app: FastAPI) -> None:
         return {"status": "ok"}
 
 
-def _refuse(request: Request, status: int, code: str, message: str, headers: dict[str, str] | None = None) -> JSONResponse:
-    if status in _LOGGED:
+def _refuse(
+    request: Request, status: int, code: str, message: str, headers: dict[str, str] | None = None, *, is_foreign: bool = False
+) -> JSONResponse:
+    if status in _LOGGED or is_foreign:
         user = getattr(request.state, "user", None)
         # Neither query nor headers: they may hold secrets.
         where = f"{request.method} {request.url.path[:200]!a}"
@@ -124,7 +126,8 @@ def _add_refusals(app: FastAPI) -> None:
         headers = {"WWW-Authenticate": "Bearer"} if error.status == 401 else {}
         if isinstance(error, TooOftenError):
             headers["Retry-After"] = str(max(1, round(error.wait_secs)))
-        return _refuse(request, error.status, error.code, str(error), headers)
+        is_foreign = isinstance(error, NotFoundError) and error.is_foreign
+        return _refuse(request, error.status, error.code, str(error), headers, is_foreign=is_foreign)
 
     @app.exception_handler(RequestValidationError)
     def refuse_invalid(request: Request, error: RequestValidationError) -> JSONResponse:

@@ -29,6 +29,8 @@ def parser() -> argparse.ArgumentParser:
     p.add_argument("-D", "--define", action="append", default=[], metavar="KEY=VALUE", help="value for $KEY in a Mitsuba file")
     p.add_argument("--variant", help="material variant of a glTF file")
     p.add_argument("--gltf-scene", metavar="NAME", help="scene of a glTF file, by name or number")
+    p.add_argument("--gltf-animation", metavar="NAME", help="animation of a glTF file, by name or number")
+    p.add_argument("--clock", type=float, metavar="NUMBER", help="second of a glTF file's animation, or clock of a POV-Ray scene")
     p.add_argument("--width", type=int, help="width of the picture in pixels")
     p.add_argument("--height", type=int, help="height of the picture in pixels")
     p.add_argument("--spp", type=int, help="samples per pixel at which the picture stops [default: 1024; POV-Ray scenes: antialiasing]")
@@ -53,7 +55,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         sys.stderr.write(f'etendue view needs a package that is not installed ({e.name}): pip install "etendue[console]"\n')
         return EXIT_FAILURE
     defines = dict(text.partition("=")[::2] for text in args.define)
-    load = partial(etendue.load, args.scene, args.search_path, defines, args.variant, scene=args.gltf_scene)
+    load = partial(
+        etendue.load,
+        args.scene,
+        args.search_path,
+        defines,
+        args.variant,
+        scene=args.gltf_scene,
+        animation=args.gltf_animation,
+        clock=args.clock,
+    )
     viewers = Viewers()
     try:
         scene = load()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import etendue
+from etendue.farm.spec import BakeSpec
 from etendue.farm.states import JobState, Role
 
 # Settings of the renderer that other flags of `submit` stand for.
@@ -111,8 +112,12 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("-D", "--define", action="append", default=[], type=_define, metavar="KEY=VALUE", help="as of `etendue render`")
     add("--variant", help="material variant of a glTF file")
     add("--gltf-scene", help="scene of a glTF file")
+    add("--gltf-animation", help="animation of a glTF file, by name or number [default: the first]")
     add("--crop", type=_numbers(int, 4), metavar="X0,Y0,X1,Y1", help="only these pixels")
     add("--aov", action="append", default=[], metavar="NAMES", help="auxiliary outputs, as of `etendue render`")
+    add(
+        "--command", choices=["render", "bake", "photons"], help="what to make [default: bake for -o FILE.glb, photons for -o FILE.photons]"
+    )
     add(
         "--study",
         action="append",
@@ -124,9 +129,13 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("--frames", metavar="LIST", help="frames of an animation: 1-48, 1-100x5, 1,4,10-12")
     add("--last-frame", type=int, metavar="N", help="the animation's last frame, where --frames does not go up to it")
     add(
-        "--clocks", type=_numbers(float, 2), default=(0.0, 1.0), metavar="FIRST,LAST", help="`clock` of frame 1 and the last [default: 0,1]"
+        "--clocks",
+        type=_numbers(float, 2),
+        default=(0.0, 1.0),
+        metavar="FIRST,LAST",
+        help="`clock` (seconds of a glTF animation) of frame 1 and the last [default: 0,1]",
     )
-    add("--format", default="exr", metavar="NAMES", help="files to make: exr, png, jpg, hdr, pfm, film [default: exr, or as -o]")
+    add("--format", default="", metavar="NAMES", help="files to make: exr, png, jpg, hdr, pfm, film [default: exr, or as -o]")
     add("--exposure", type=float, default=0.0, help="of PNG and JPEG, in stops")
     add("--tonemap", default="standard", help="of PNG and JPEG: standard, filmic, aces, agx")
     add("--noise", type=float, metavar="ERROR", help="stop a frame at this relative error")
@@ -141,6 +150,15 @@ def _add_submit(parser: argparse.ArgumentParser) -> None:
     add("--notify", metavar="URL", help="POST the job there when it ends")
     add("--unit-secs", type=float, metavar="SECONDS", help="length of a unit [default: 10 to 60]")
     _add_cluster(parser)
+    group = parser.add_argument_group("baking, as of `etendue bake`")
+    for name, field in BakeSpec.model_fields.items():
+        flag, about = "--" + name.replace("_", "-"), (field.description or "").replace("%", "%%")
+        if field.annotation is bool:
+            group.add_argument(flag, dest=f"bake_{name}", action="store_true", default=None, help=about)
+        elif name == "probes":
+            group.add_argument(flag, dest=f"bake_{name}", type=_numbers(int, 3), metavar="NX,NY,NZ", help=about)
+        else:
+            group.add_argument(flag, dest=f"bake_{name}", metavar="VALUE", help=about)
     group = parser.add_argument_group("settings of the renderer")
     for parameter in etendue.parameters():
         if parameter.name not in _OWN:

@@ -46,7 +46,7 @@ def main() -> int:
 
     _limit_memory()
     try:
-        raw = _etendue.load(sys.argv[1], [], {}, None, None, (0.0, 0, 0, (None, None)))
+        raw = _etendue.load(sys.argv[1], [], {}, None, None, None, None, (0, 0, (None, None)))
         scene = etendue.Scene(raw)
         losses = [list(loss) for loss in scene.losses[:1000]]
         answer = {**scene.info(), "losses": losses, "warnings": [list(fault) for fault in scene.warnings[:1000]]}

@@ -24,7 +24,7 @@ from etendue.farm.errors import FarmError, InvalidError
 from etendue.farm.jobs import JobFilter, check_spec
 from etendue.farm.remote import RemoteFarm
 from etendue.farm.service import Farm
-from etendue.farm.spec import MAX_RUNS, JobSpec, Setting
+from etendue.farm.spec import MAX_RUNS, BakeSpec, JobSpec, Setting
 from etendue.farm.states import JOB_ENDED, JobState, Role
 from etendue.farm.views import JobDetail, JobView, View
 
@@ -191,6 +191,13 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
             settings[parameter.name] = openjd.setting(value)
     stop = {"noise": args.noise, "secs": args.time, "cost": args.cost}
     stop["core_secs"] = None if args.core_hours is None else args.core_hours * 3600.0
+    kinds = {"glb": "bake", "photons": "photons"}
+    command = args.command or next((kinds[f] for f in formats if f in kinds), "render")
+    if args.study:
+        if command != "render":
+            raise InvalidError("a study makes pictures")
+        command = "study"
+    bake = {name: value for name in BakeSpec.model_fields if (value := getattr(args, f"bake_{name}")) is not None}
     content: dict[str, Any] = {
         "package": package,
         "scene": scene,
@@ -201,7 +208,9 @@ def _spec(args: argparse.Namespace, package: str, scene: str, formats: list[str]
         "defines": dict(args.define),
         "variant": args.variant,
         "gltf_scene": args.gltf_scene,
-        "command": "study" if args.study else "render",
+        "gltf_animation": args.gltf_animation,
+        "command": command,
+        "bake": bake,
         "runs": _runs(args.study),
         "frames": args.frames,
         "last_frame": args.last_frame,
@@ -237,11 +246,16 @@ def _write_outputs(farm: Farm | RemoteFarm, actor: Actor, job: JobView, target: 
     """Write the job's pictures; those of an animation get the frame's number before the ending."""
     written = []
     by_format = {("jpg" if p.suffix.lower() == ".jpeg" else p.suffix.lower().lstrip(".")): p for p in target}
-    for output in farm.pictures.outputs(actor, job.id):
+    outputs = farm.pictures.outputs(actor, job.id)
+    baked = next((o.name.removesuffix(".glb") for o in outputs if o.format == "glb"), None)
+    for output in outputs:
         path = by_format.get(output.format)
+        if path is None and baked is not None and target:
+            # What goes beside the baked scene keeps its ending.
+            path = target[0].with_suffix(output.name.removeprefix(baked))
         if path is None:
             continue
-        if job.kind != "still":
+        if job.kind in ("animation", "study"):
             path = path.with_name(f"{path.stem}.{output.frame:04d}{path.suffix}")
         _copy_output(farm, actor, job.id, output.name, path)
         written.append(path)

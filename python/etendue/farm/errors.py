@@ -28,6 +28,11 @@ class NotFoundError(FarmError):
     status = 404
     exit_code = 6
 
+    def __init__(self, message: str, *, is_foreign: bool = False) -> None:
+        super().__init__(message)
+        self.is_foreign = is_foreign
+        """Whether it is there and belongs to someone else: for the log alone."""
+
 
 class ForbiddenError(FarmError):
     """The user's role does not allow it."""

@@ -12,6 +12,7 @@ import time
 from sqlalchemy import func, insert, select
 from sqlalchemy.orm import Session
 
+import etendue
 from etendue.farm import planning
 from etendue.farm.config import FarmConfig
 from etendue.farm.events import log
@@ -35,6 +36,8 @@ from etendue.farm.states import FrameState, UnitKind, UnitState
 from etendue.farm.store import Store
 
 Orders = list[MergeOrder | FinishOrder]
+DEFAULT_MEMORY_MIB = next(int(p.default) for p in etendue.parameters() if p.name == "photon_memory")
+"""Of a photon map, where the order does not say."""
 LOAD_FACTOR = 4.0
 """A unit takes at least so many times longer than loading the scene."""
 
@@ -55,27 +58,32 @@ class Frames:
 
     def order(self, job: ActiveJob, frame: Frame, unit: Unit) -> Order:
         """Return what a worker is told for a unit."""
-        spec = job.spec
-        scene = SceneOrder(
-            package=job.package,
-            scene=job.scene,
+        scene = self._scene_order(job.spec, job.package, job.scene, frame)
+        key = f"unit-{unit.id}-{unit.attempts}-{unit.losses}"
+        if unit.kind == UnitKind.PROBE:
+            return ProbeOrder(key, scene, _preview_name(frame))
+        rect = (unit.x0, unit.y0, unit.x1, unit.y1)
+        return RenderOrder(key, scene, rect, unit.begin, unit.end, self.film_name(unit, frame))
+
+    def _scene_order(self, spec: JobSpec, package: str, scene: str, frame: Frame) -> SceneOrder:
+        return SceneOrder(
+            package=package,
+            scene=scene,
             settings=tuple(sorted(spec.settings_of(frame.number).items())),
             crop=spec.crop,
             aovs=tuple(spec.aovs),
             defines=tuple(sorted(spec.defines.items())),
             variant=spec.variant,
             gltf_scene=spec.gltf_scene,
+            gltf_animation=spec.gltf_animation,
             clock=frame.clock,
             # A study shows one moment in all of its runs.
             number=0 if spec.runs else frame.number,
             final=spec.final(),
             fixed_spp=not spec.stop.is_open,
+            command="render" if spec.command == "study" else spec.command,
+            bake=tuple(sorted(spec.bake.preparation().items())) if spec.command == "bake" else (),
         )
-        key = f"unit-{unit.id}-{unit.attempts}-{unit.losses}"
-        if unit.kind == UnitKind.PROBE:
-            return ProbeOrder(key, scene, _preview_name(frame))
-        rect = (unit.x0, unit.y0, unit.x1, unit.y1)
-        return RenderOrder(key, scene, rect, unit.begin, unit.end, self.film_name(unit, frame))
 
     def _spec(self, job: Job) -> JobSpec:
         if job.id not in self._specs:
@@ -221,7 +229,8 @@ class Frames:
             session.flush()
             return self._ready(session, job, frame, level + 1, merge.slot)
         name = f"jobs/{job.id}/films/{frame.number}/sum-{frame.round}-{level + 1}-{merge.slot}.film"
-        return [MergeOrder(f"merge-{frame.id}-{frame.round}-{level + 1}-{merge.slot}", tuple(f.path for f in found), name)]
+        key = f"merge-{frame.id}-{frame.round}-{level + 1}-{merge.slot}"
+        return [MergeOrder(key, tuple(f.path for f in found), name, _memory_mib(self._spec(job)))]
 
     def _finish_order(self, job: Job, frame: Frame, films: list[Film]) -> FinishOrder:
         spec = self._spec(job)
@@ -245,6 +254,9 @@ class Frames:
             variance="variance" in spec.aovs or "all" in spec.aovs,
             samples="samples" in spec.aovs or "all" in spec.aovs,
             noise=spec.stop.noise,
+            memory_mib=_memory_mib(spec),
+            scene=self._scene_order(spec, job.package_id, job.scene, frame) if spec.command == "bake" else None,
+            delivery=tuple(sorted(spec.bake.model_dump().items())) if spec.command == "bake" else (),
         )
 
     def _is_over(self, job: Job) -> bool:
@@ -274,8 +286,10 @@ class Frames:
             job.frames_done += 1
             if self._share_by_frame(job):
                 job.progress = min(job.frames_done / max(job.frames_total, 1), 0.999)
-            spp = f"{result.spp} spp" + ("" if result.relative_error is None else f", relative error {result.relative_error:.4f}")
-            log(session, "frame-done", f"frame {frame.number} is done: {spp}", job=job.id, frame=frame.number)
+            count = {"photons": "photons", "bake": "samples a point"}.get(self._spec(job).command, "spp")
+            spp = f"{result.spp} {count}" + ("" if result.relative_error is None else f", relative error {result.relative_error:.4f}")
+            notes = f"; {result.notes}" if result.notes else ""
+            log(session, "frame-done", f"frame {frame.number} is done: {spp}{notes}", job=job.id, frame=frame.number)
             return []
         if self._is_over(job):
             # The limit was reached while it was merged: the same film, now with its pictures.
@@ -302,6 +316,12 @@ class Frames:
 def _end_unit(unit: Unit, done: Done) -> None:
     unit.state, unit.finished_at = UnitState.DONE.value, time.time()
     unit.secs, unit.core_secs, unit.error, unit.log = done.secs, done.core_secs, None, done.log or None
+
+
+def _memory_mib(spec: JobSpec) -> int:
+    """Return what a photon map of the job may take."""
+    given = spec.settings.get("photon_memory")
+    return given if isinstance(given, int) else DEFAULT_MEMORY_MIB
 
 
 def _crop(frame: Frame) -> planning.Rect:

@@ -94,7 +94,7 @@ class Jobs:
             job = Job(
                 owner_id=actor.id,
                 name=spec.name or stem,
-                kind="study" if spec.runs else "still" if spec.frames is None else "animation",
+                kind=spec.command if spec.command != "render" else "still" if spec.frames is None else "animation",
                 package_id=package.id,
                 scene=scene,
                 spec=spec.model_dump(mode="json"),
@@ -152,6 +152,9 @@ class Jobs:
         spp = settings.get("spp")
         if spp is not None and not (isinstance(spp, int) and not isinstance(spp, bool) and 0 < spp <= limits.spp):
             raise InvalidError(f"`spp` is a whole number from 1 to {limits.spp}")
+        photons = settings.get("photons")
+        if photons is not None and not (isinstance(photons, int) and not isinstance(photons, bool) and 0 < photons < 1 << 31):
+            raise InvalidError(f"`photons` is a whole number from 1 to {(1 << 31) - 1}")
 
     def _check_quota(self, session: Session, actor: Actor) -> None:
         user = session.get_one(User, actor.id)
@@ -442,7 +445,7 @@ class Jobs:
     def _visible(self, session: Session, actor: Actor, job_id: int) -> Job:
         job = session.get(Job, job_id) if 0 < job_id < 1 << 31 else None
         if job is None or not self._sees(actor, job):
-            raise NotFoundError(f"there is no job {job_id}")
+            raise NotFoundError(f"there is no job {job_id}", is_foreign=job is not None)
         return job
 
     def _changeable(self, session: Session, actor: Actor, job_id: int) -> Job:

@@ -55,6 +55,8 @@ def export_job(spec: JobSpec, scene: str, name: str) -> dict[str, Any]:
     Raises:
         InvalidError: The job has what a template cannot say, such as stopping at a cost.
     """
+    if spec.command in ("bake", "photons"):
+        raise InvalidError(f"a template renders pictures; a `{spec.command}` cannot be exported")
     lost = [rule for rule in ("secs", "core_secs", "cost") if getattr(spec.stop, rule) is not None]
     lost += [rule for rule in ("every_first", "approval", "crop") if getattr(spec, rule)]
     if lost:
@@ -87,7 +89,7 @@ def export_job(spec: JobSpec, scene: str, name: str) -> dict[str, Any]:
         args += [_flag(key), _text(value)]
     for key, value in sorted(spec.defines.items()):
         args += ["-D", f"{key}={_text(value)}"]
-    for flag, text in (("--variant", spec.variant), ("--gltf-scene", spec.gltf_scene)):
+    for flag, text in (("--variant", spec.variant), ("--gltf-scene", spec.gltf_scene), ("--gltf-animation", spec.gltf_animation)):
         args += [flag, text] if text is not None else []
     args += ["--noise", f"{spec.stop.noise:g}"] if spec.stop.noise is not None else []
     args += ["--aov", ",".join(spec.aovs)] if spec.aovs else []
@@ -225,6 +227,7 @@ def _step(
         "defines": dict(first.define),
         "variant": first.variant,
         "gltf_scene": first.gltf_scene,
+        "gltf_animation": first.gltf_animation,
         "aovs": [name for names in first.aov for name in names.split(",") if name],
         "exposure": first.exposure,
         "tonemap": first.tonemap,
@@ -287,7 +290,7 @@ def _arguments(argv: Sequence[str], fault: Any) -> argparse.Namespace:  # noqa: 
     add("scene")
     add("-o", "--output", action="append", default=[])
     add("-D", "--define", action="append", default=[], type=_pair)
-    for name in ("--variant", "--gltf-scene"):
+    for name in ("--variant", "--gltf-scene", "--gltf-animation"):
         add(name)
     add("--aov", action="append", default=[])
     add("--frame", type=int, default=0)

@@ -23,10 +23,14 @@ class SceneOrder:
     defines: tuple[tuple[str, Setting], ...]
     variant: str | None
     gltf_scene: str | None
+    gltf_animation: str | None
     clock: float
     number: int
     final: int
     fixed_spp: bool
+    command: str = "render"
+    bake: tuple[tuple[str, object], ...] = ()
+    """How to bake: `BakeSpec.preparation`."""
 
 
 @dataclass(frozen=True)
@@ -55,11 +59,13 @@ class RenderOrder:
 
 @dataclass(frozen=True)
 class MergeOrder:
-    """Merge films into a larger one."""
+    """Merge films, or the parts of a bake or photon map, into a larger one."""
 
     key: str
     films: tuple[str, ...]
     film: str
+    memory_mib: int
+    """Of a photon map: what it may take in use; where it has more, it is thinned."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +88,11 @@ class FinishOrder:
     """Whether pictures have the number of samples as a layer."""
     noise: float | None
     """Relative error at which no more samples are needed."""
+    memory_mib: int
+    scene: SceneOrder | None = None
+    """Of a bake: what its files are made of beside the light."""
+    delivery: tuple[tuple[str, object], ...] = ()
+    """Of a bake: the rest of its `BakeSpec`."""
 
 
 Order = ProbeOrder | RenderOrder | MergeOrder | FinishOrder
@@ -131,6 +142,8 @@ class Finished:
     is_done: bool
     """Whether the pictures were made; else more samples are needed."""
     outputs: tuple[dict[str, str | int], ...] = ()
+    notes: str = ""
+    """Sentences for the log."""
 
 
 @dataclass(frozen=True)

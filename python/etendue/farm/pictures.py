@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import tempfile
 import threading
 import zlib
 from collections import OrderedDict
@@ -127,15 +128,19 @@ class Pictures:
 
     def _films(self, actor: Actor, job_id: int, frame: int) -> tuple[int, dict[str, Array]]:
         with self._database.read() as session:
-            _, row = self._jobs.visible_frame(session, actor, job_id, frame)
-            paths = film_paths(row, list(session.scalars(select(Film).where(Film.frame_id == row.id).order_by(Film.id))))
-            key = (row.id, row.preview_version)
+            job, row = self._jobs.visible_frame(session, actor, job_id, frame)
+            films = list(session.scalars(select(Film).where(Film.frame_id == row.id).order_by(Film.id)))
+            # Bakes and photon maps have parts that are no films, and show their preview.
+            paths = [] if job.kind in ("bake", "photons") else film_paths(row, films)
+            key, preview = (row.id, row.preview_version), row.preview
         with self._lock:
             if key in self._developed:
                 self._developed.move_to_end(key)
                 return key[1], self._developed[key]
         try:
             layers = _etendue.film_layers([self._store.read(path) for path in paths], True, True, True) if paths else {}
+            if preview is not None and (not layers or not layers["samples"].all()):
+                layers = _with_preview(layers, self._store.read(preview))
         except FileNotFoundError:
             # Merged while we looked: the next call finds the sum.
             raise NotFoundError(f"the films of frame {frame} are being merged; ask again") from None
@@ -168,6 +173,19 @@ class Pictures:
                         found = Output(frame=row.number, **{key: output[key] for key in keys})
                         return found, self._store.open(output["path"])
         raise NotFoundError(f"job {job_id} has no file `{name[:200]}`")
+
+
+def _with_preview(layers: dict[str, Array], preview: bytes) -> dict[str, Array]:
+    """Return layers whose picture is that of the small preview where there are no samples yet."""
+    with tempfile.NamedTemporaryFile(suffix=".png") as file:
+        file.write(preview)
+        file.flush()
+        small = _etendue.read_layers(file.name)["rgb"]
+    if not layers:
+        return {"rgb": small}
+    picture, samples = layers["rgb"], layers["samples"]
+    rows, columns = (np.arange(n) * m // n for n, m in zip(picture.shape[:2], small.shape[:2], strict=True))
+    return {**layers, "rgb": np.where(samples > 0, picture, small[rows][:, columns, : picture.shape[2]])}
 
 
 def film_paths(frame: Frame, films: list[Film]) -> list[str]:

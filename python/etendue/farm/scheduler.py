@@ -181,10 +181,10 @@ class Scheduler:
         name = self._frames.film_name(unit, frame)
         try:
             film = self._store.read(name)
-            info = _etendue.film_info([film])
+            info = _etendue.part_info(film)
         except (OSError, ImageError):
             return None
-        if list(info["rect"]) != [unit.x0, unit.y0, unit.x1, unit.y1] or info["held"] != [(*info["rect"], unit.begin, unit.end)]:
+        if info["held"] != [(unit.x0, unit.y0, unit.x1, unit.y1, unit.begin, unit.end)]:
             return None
         secs = float(info["render_secs"])
         return Done("", Rendered(len(film), 0, None), secs, secs)

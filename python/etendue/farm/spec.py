@@ -18,7 +18,15 @@ MAX_FRAMES = 100_000
 """Most frames of a job."""
 
 Setting = bool | int | float | str
-Format = Literal["exr", "png", "jpg", "hdr", "pfm", "film"]
+Format = Literal["exr", "png", "jpg", "hdr", "pfm", "film", "glb", "photons"]
+Command = Literal["render", "study", "bake", "photons"]
+FORMATS: dict[Command, tuple[Format, ...]] = {
+    "render": ("exr", "png", "jpg", "hdr", "pfm", "film"),
+    "study": ("exr", "png", "jpg", "hdr", "pfm", "film"),
+    "bake": ("glb",),
+    "photons": ("photons",),
+}
+"""What commands make; where the order does not say, the first."""
 _RANGE = re.compile(r"\s*(\d{1,9})\s*(?:-\s*(\d{1,9})\s*(?:x\s*(\d{1,6})\s*)?)?")
 
 
@@ -76,6 +84,46 @@ class StopRules(BaseModel):
         return any(rule is not None for rule in (self.noise, self.secs, self.core_secs, self.cost))
 
 
+class BakeSpec(BaseModel):
+    """How a scene is baked: the flags of `etendue bake`."""
+
+    model_config = ConfigDict(extra="forbid", use_attribute_docstrings=True)
+
+    method: Literal["path", "radiosity", "particles"] = "path"
+    """How light is found."""
+    final_gather: bool = False
+    """Looks up radiosity and particles not at the texel but where rays from it arrive."""
+    texels_per_meter: Annotated[float, Field(gt=0, lt=1e9)] | None = None
+    """Texels for a unit of length; None: as many as fit into one atlas."""
+    resolution: Annotated[int, Field(ge=16, le=16384)] = 1024
+    """Largest edge of an atlas in texels."""
+    padding: Annotated[int, Field(ge=1, le=32)] = 2
+    """Gutter around each chart in texels."""
+    unwrap: bool = False
+    """New texture coordinates even where the file's second set is usable."""
+    sides: Literal["auto", "front", "both"] = "auto"
+    """Which sides of two-sided surfaces get light."""
+    per_vertex: bool = False
+    """Light in the colors of the vertices instead of textures."""
+    display: Literal["emissive", "unlit", "lightmap"] = "emissive"
+    """How the light is shown."""
+    exr: bool = False
+    """Also irradiance, albedo and normals of each atlas as EXR."""
+    directional: bool = False
+    """In those also the direction from which most light comes."""
+    probes: (
+        tuple[Annotated[int, Field(ge=1, le=1024)], Annotated[int, Field(ge=1, le=1024)], Annotated[int, Field(ge=1, le=1024)]] | None
+    ) = None
+    """Also measure light in the air, on a grid of so many points, as spherical harmonics in JSON."""
+    denoise: bool = False
+    """Removes noise with Intel Open Image Denoise, where workers have it."""
+
+    def preparation(self) -> dict[str, object]:
+        """Return what workers need to know before the first sample."""
+        later = {"display", "exr", "directional", "probes", "denoise"}
+        return {key: value for key, value in self.model_dump().items() if key not in later}
+
+
 class JobSpec(BaseModel):
     """An order. Everything but `package` has a default."""
 
@@ -87,8 +135,11 @@ class JobSpec(BaseModel):
     """Scene file within the package; None: the package's own."""
     name: Annotated[str, Field(max_length=256)] = ""
     """What the list of jobs shows; empty: the scene's name."""
-    command: Literal["render", "bake", "photons", "study"] = "render"
-    """What to do: `render` a still or an animation, or a `study`, several pictures of one scene. `bake` and `photons` are refused."""
+    command: Command = "render"
+    """What to do: `render` a still or an animation; a `study`, several pictures of one scene; `bake` the scene's light into it; trace the
+    `photons` of a map."""
+    bake: BakeSpec = Field(default_factory=BakeSpec)
+    """Of a bake: how. Its samples are `settings["spp"]`, and what a method asks for is in `settings` as well."""
     settings: dict[str, Setting | None] = Field(default_factory=dict)
     """Settings of the renderer: the keywords of `etendue.Scene.render`, see `etendue.parameters()`."""
     crop: tuple[int, int, int, int] | None = None
@@ -101,6 +152,8 @@ class JobSpec(BaseModel):
     """Material variant of a glTF file."""
     gltf_scene: str | None = None
     """Scene of a glTF file."""
+    gltf_animation: str | None = None
+    """Animation of a glTF file, by name or number; None: the first."""
     frames: Annotated[str, Field(max_length=10_000)] | None = None
     """Frames of an animation, such as `1-48`, `1-100x5`, `1,4,10-12`; None: a still."""
     runs: Annotated[list[dict[str, Setting | None]], Field(max_length=MAX_RUNS)] = Field(default_factory=list)
@@ -108,9 +161,10 @@ class JobSpec(BaseModel):
     last_frame: Annotated[int, Field(ge=1, le=1_000_000_000)] | None = None
     """Number of the animation's last frame, where `frames` does not go up to it: the clock depends on it."""
     clocks: tuple[float, float] = (0.0, 1.0)
-    """`clock` of frame 1 and of the last frame; a still has the first."""
-    formats: Annotated[list[Format], Field(min_length=1, max_length=6)] = ["exr"]
-    """Files to make of each frame."""
+    """`clock` of frame 1 and of the last frame, which is a second of a glTF file's animation; a still has the first. A still with clock 0
+    shows a glTF file's pose without animation."""
+    formats: Annotated[list[Format], Field(max_length=6)] = Field(default_factory=list)
+    """Files to make of each frame; none: those of `FORMATS`."""
     exposure: Annotated[float, Field(ge=-64, le=64)] = 0.0
     """Of PNG and JPEG files, in stops."""
     tonemap: str = "standard"
@@ -133,7 +187,7 @@ class JobSpec(BaseModel):
     max_attempts: Annotated[int, Field(ge=1, le=20)] = 3
     """How often a unit may fail before its frame does. Units that are lost with their node do not count."""
 
-    @field_validator("name", "tonemap", "scene", "variant", "gltf_scene")
+    @field_validator("name", "tonemap", "scene", "variant", "gltf_scene", "gltf_animation")
     @classmethod
     def _is_printable(cls, text: str | None) -> str | None:
         if text is not None and any(ord(c) < 32 or ord(c) == 127 for c in text):
@@ -170,8 +224,17 @@ class JobSpec(BaseModel):
 
     @model_validator(mode="after")
     def _fits_together(self) -> JobSpec:
-        if self.command not in ("render", "study"):
-            raise ValueError(f"the farm cannot do `{self.command}` yet; it can `render` and do a `study`")
+        self.formats = self.formats or [FORMATS[self.command][0]]
+        wrong = [kind for kind in self.formats if kind not in FORMATS[self.command]]
+        if wrong:
+            raise ValueError(f"a `{self.command}` makes {', '.join(FORMATS[self.command])}, not {wrong[0]}")
+        if self.command in ("bake", "photons"):
+            given = [name for name, value in (("frames", self.frames), ("crop", self.crop), ("aovs", self.aovs)) if value]
+            given += [f"stop.{name}" for name, value in self.stop if value is not None]
+            if given:
+                raise ValueError(f"`{given[0]}` is for pictures; a `{self.command}` has a number of samples or photons")
+        elif self.bake != BakeSpec():
+            raise ValueError("`bake` is for the command `bake`")
         if (self.command == "study") != bool(self.runs):
             raise ValueError("a `study` has `runs`, and nothing else has")
         if self.command == "study" and self.frames is not None:

@@ -13,7 +13,7 @@ import time
 from collections import OrderedDict
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,8 @@ PROBE_SECS = 1.0
 """A probe takes more samples until it has taken this long."""
 PREVIEW_EDGE = 512
 """Longest edge of previews."""
+PROBE_PLACES, PROBE_POINTS = 16, 64
+"""A probe of a bake takes so many points at so many places."""
 KEPT_SCENES = 2
 """Prepared scenes that a worker keeps."""
 
@@ -63,6 +65,9 @@ class Cancelled(Exception):  # noqa: N818 - not an error
     """The task was told to stop."""
 
 
+_Parts = _etendue.Prepared | _etendue.PreparedBake | _etendue.PreparedPhotons
+
+
 class Prepared:
     """A scene as a worker keeps it."""
 
@@ -71,9 +76,18 @@ class Prepared:
         settings = dict(order.settings)
         size = tuple(_whole(settings.get(key)) for key in ("width", "height"))
         defines = {key: str(value).lower() if isinstance(value, bool) else str(value) for key, value in order.defines}
-        moment = (order.clock, order.number, order.final, (size[0], size[1]))
-        self.scene = _etendue.load(folder / order.scene, [], defines, order.variant, order.gltf_scene, moment)
-        self.parts = self.scene.prepare(settings, order.crop, threads, list(order.aovs), order.fixed_spp)
+        moment = (order.number, order.final, (size[0], size[1]))
+        # As without `--clock`, where nothing asks for a moment.
+        clock = order.clock if order.number or order.clock else None
+        given = (order.variant, order.gltf_scene, order.gltf_animation, clock)
+        self.scene = _etendue.load(folder / order.scene, [], defines, *given, moment)
+        self.parts: _Parts
+        if order.command == "bake":
+            self.parts = self.scene.prepare_bake(settings, threads, dict(order.bake))
+        elif order.command == "photons":
+            self.parts = self.scene.prepare_photons(settings, threads)
+        else:
+            self.parts = self.scene.prepare(settings, order.crop, threads, list(order.aovs), order.fixed_spp)
         self.secs = time.perf_counter() - started
 
 
@@ -154,7 +168,7 @@ class Worker:
         parts = prepared.parts
         if parts.width * parts.height > self._limits.pixels:
             raise etendue.SettingError(f"a picture of the farm has at most {self._limits.pixels} pixels")
-        if order.fixed_spp and parts.spp > self._limits.spp:
+        if order.fixed_spp and order.command != "photons" and parts.spp > self._limits.spp:
             raise etendue.SettingError(f"a picture of the farm has at most {self._limits.spp} samples per pixel")
         self._scenes[order] = prepared
         return prepared
@@ -176,33 +190,9 @@ class Worker:
     def _probe(self, order: ProbeOrder) -> tuple[Probed, str]:
         prepared = self._scene(order.scene)
         parts = prepared.parts
-        x0, y0, x1, y1 = parts.crop
-        scale = min(PROBE_EDGE / max(x1 - x0, y1 - y0), 1.0)
-        width, height = (max(round(n * scale), 1) for n in (parts.width, parts.height))
-        small = tuple(min(max(round(v * scale), 0), most) for v, most in zip(parts.crop, (width, height) * 2, strict=True))
-        crop = (min(small[0], width - 1), min(small[1], height - 1), max(small[2], small[0] + 1), max(small[3], small[1] + 1))
-        settings = {**dict(order.scene.settings), "width": width, "height": height}
-        probe = prepared.scene.prepare(settings, list(crop), self._threads, [], order.scene.fixed_spp)
-        films: list[bytes] = []
-        secs, begin = 0.0, 0
-        step = probe.spp if probe.is_adaptive else 1
-        while begin < parts.spp and begin < 64 and secs < PROBE_SECS:
-            started, cpu = time.perf_counter(), time.process_time()
-            film = probe.render(crop, begin, min(begin + step, parts.spp), self._stopper(order.key))
-            if film is None:
-                raise Cancelled
-            films.append(film)
-            # Time of processors, not of the clock, as others may work on this machine; and of the last samples, as what comes once,
-            # before the first one, is not a sample's cost.
-            last_secs = time.process_time() - cpu
-            last_work = area(crop) * (min(begin + step, parts.spp) - begin)
-            secs += time.perf_counter() - started
-            begin += step
-            step = min(2 * step, 16)
-        picture = _etendue.film_layers(films, False, False)["rgb"]
-        target = min(PREVIEW_EDGE / max(x1 - x0, y1 - y0), 1.0)
-        shape = (max(round((y1 - y0) * target), 1), max(round((x1 - x0) * target), 1))
-        self._files.write(order.preview, pictures.png(pictures.display(_resize(picture, shape), "rgb")))
+        picture, secs_per_sample = self._probe_picture(order, prepared)
+        if order.scene.command != "render":
+            secs_per_sample = self._probe_part(order, parts)
         probed = Probed(
             width=parts.width,
             height=parts.height,
@@ -210,12 +200,69 @@ class Worker:
             spp=parts.spp,
             is_adaptive=parts.is_adaptive,
             is_whole=parts.splats or parts.has_costly_passes,
-            secs_per_sample=max(last_secs, 1e-6) / last_work,
+            secs_per_sample=secs_per_sample,
             load_secs=prepared.secs,
-            picture=np.clip(picture, -6e4, 6e4).astype(np.float16),
+            picture=np.clip(picture, -6e4, 6e4).astype(np.float16) if order.scene.command == "render" else None,
         )
         losses = [f"{loss.file}:{loss.line or 0}: {loss.feature}: {loss.effect}" for loss in etendue.Scene(prepared.scene).losses[:50]]
         return probed, "\n".join([*parts.warnings[:50], *losses])
+
+    def _probe_picture(self, order: ProbeOrder, prepared: Prepared) -> tuple[NDArray[np.float32], float]:
+        """Make the frame's first preview; return the small picture that it is made of, and the core-seconds of a sample of a pixel."""
+        settings = dict(order.scene.settings)
+        parts = prepared.parts
+        if order.scene.command == "render":
+            (x0, y0, x1, y1), full, most = parts.crop, (parts.width, parts.height), parts.spp
+        else:
+            # What is baked or traced has no picture: the scene is shown as its camera sees it.
+            settings = {"seed": settings.get("seed", 0)}
+            view = prepared.scene.prepare({**settings, "width": PROBE_EDGE}, None, self._threads, [], True)
+            (x0, y0, x1, y1), full, most = view.crop, (view.width, view.height), view.spp
+        scale = min(PROBE_EDGE / max(x1 - x0, y1 - y0), 1.0)
+        width, height = (max(round(n * scale), 1) for n in full)
+        small = tuple(min(max(round(v * scale), 0), m) for v, m in zip((x0, y0, x1, y1), (width, height) * 2, strict=True))
+        crop = (min(small[0], width - 1), min(small[1], height - 1), max(small[2], small[0] + 1), max(small[3], small[1] + 1))
+        settings = {**settings, "width": width, "height": height}
+        probe = prepared.scene.prepare(settings, list(crop), self._threads, [], order.scene.fixed_spp)
+        films: list[bytes] = []
+        secs, begin = 0.0, 0
+        step = probe.spp if probe.is_adaptive else 1
+        while begin < most and begin < 64 and secs < PROBE_SECS:
+            started, cpu = time.perf_counter(), time.process_time()
+            film = probe.render(crop, begin, min(begin + step, most), self._stopper(order.key))
+            if film is None:
+                raise Cancelled
+            films.append(film)
+            # Time of processors, not of the clock, as others may work on this machine; and of the last samples, as what comes once,
+            # before the first one, is not a sample's cost.
+            last_secs = time.process_time() - cpu
+            last_work = area(crop) * (min(begin + step, most) - begin)
+            secs += time.perf_counter() - started
+            begin += step
+            step = min(2 * step, 16)
+        picture = _etendue.film_layers(films, False, False)["rgb"]
+        target = min(PREVIEW_EDGE / max(x1 - x0, y1 - y0), 1.0)
+        shape = (max(round((y1 - y0) * target), 1), max(round((x1 - x0) * target), 1))
+        if order.scene.command != "render":
+            shape = picture.shape[:2]
+        self._files.write(order.preview, pictures.png(pictures.display(_resize(picture, shape), "rgb")))
+        return picture, max(last_secs, 1e-6) / last_work
+
+    def _probe_part(self, order: ProbeOrder, parts: _Parts) -> float:
+        """Return the core-seconds of a sample of a point of a bake, or of a photon: of a few of them from all over."""
+        edge = -(-parts.width // PROBE_PLACES)
+        rects = [(x, 0, min(x + PROBE_POINTS, parts.width), 1) for x in range(0, parts.width, edge)]
+        count, secs = 1, 0.0
+        while True:
+            cpu = time.process_time()
+            for rect in rects:
+                if parts.render(rect, 0, count, self._stopper(order.key)) is None:
+                    raise Cancelled
+            last_secs = time.process_time() - cpu
+            secs += last_secs
+            if secs >= PROBE_SECS or count == parts.spp:
+                return max(last_secs, 1e-6) / (sum(map(area, rects)) * count)
+            count = min(4 * count, parts.spp)
 
     def _render(self, order: RenderOrder) -> tuple[Rendered, str]:
         prepared = self._scene(order.scene)
@@ -223,20 +270,27 @@ class Worker:
         self._files.write(order.film, film)
         work = area(order.rect) * (order.end - order.begin)
         x0, y0, x1, y1 = prepared.parts.crop
+        warnings = "\n".join(prepared.parts.warnings[:50])
+        if order.scene.command != "render":
+            return Rendered(len(film), work, None), warnings
         step = max(-(-max(x1 - x0, y1 - y0) // PREVIEW_EDGE), 1)
         rect = order.rect
         columns, rows, tile = _small_tile(_etendue.film_layers([film], False, False)["rgb"], rect[0] - x0, rect[1] - y0, step)
-        return Rendered(len(film), work, (columns, rows, step, tile)), "\n".join(prepared.parts.warnings[:50])
+        return Rendered(len(film), work, (columns, rows, step, tile)), warnings
 
     def _merge(self, order: MergeOrder) -> Merged:
-        film = _etendue.film_merge([self._files.read(name) for name in order.films])
+        film = _etendue.part_merge([self._files.read(name) for name in order.films], order.memory_mib)
         self._files.write(order.film, film)
         return Merged(len(film))
 
     def _finish(self, order: FinishOrder) -> Finished:
         films = [self._files.read(name) for name in order.films]
-        film = films[0] if len(films) == 1 else _etendue.film_merge(films)
+        film = films[0] if len(films) == 1 else _etendue.part_merge(films, order.memory_mib)
         del films
+        if order.scene is not None:
+            return self._finish_bake(order, order.scene, film)
+        if [kind for kind, _, _ in order.outputs] == ["photons"]:
+            return self._finish_photons(order, film)
         info = _etendue.film_info([film])
         error = info["relative_error"]
         self._files.write(order.film, film)
@@ -246,10 +300,43 @@ class Worker:
         outputs: list[dict[str, str | int]] = []
         for kind, name, path in order.outputs if is_done else ():
             data = film if kind == "film" else _picture(film, kind, order)
-            digest = hashlib.sha256(data).hexdigest()
-            self._files.write(path, data)
-            outputs.append({"name": name, "format": kind, "path": path, "bytes": len(data), "sha256": digest})
+            outputs.append(self._output(kind, name, path, data))
         return Finished(len(film), info["spp"], error, is_done, tuple(outputs))
+
+    def _output(self, kind: str, name: str, path: str, data: bytes) -> dict[str, str | int]:
+        self._files.write(path, data)
+        return {"name": name, "format": kind, "path": path, "bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+
+    def _finish_bake(self, order: FinishOrder, scene: SceneOrder, part: bytes) -> Finished:
+        """Make the baked scene, and what goes beside it."""
+        prepared = self._scene(scene)
+        assert isinstance(prepared.parts, _etendue.PreparedBake)
+        given = dict(order.delivery)
+        _, name, path = order.outputs[0]
+        with tempfile.TemporaryDirectory(prefix="etendue-bake-") as folder:
+            paths, notes, error, atlas = prepared.parts.finish(
+                part,
+                Path(folder) / name,
+                display=str(given["display"]),
+                probes=cast("tuple[int, int, int] | None", given["probes"]),
+                maps=bool(given["exr"]),
+                directional=bool(given["directional"]),
+                denoise=bool(given["denoise"]),
+            )
+            folder_name = path.rpartition("/")[0]
+            outputs = [self._output(p.suffix[1:], p.name, f"{folder_name}/{p.name}", p.read_bytes()) for p in map(Path, paths)]
+        self._files.write(order.film, part)
+        if atlas is not None:
+            # Irradiance as a white surface sends it back.
+            picture = pictures.shrink(atlas, PREVIEW_EDGE) / np.float32(np.pi)
+            self._files.write(order.preview, pictures.png(pictures.display(picture, "rgb")))
+        return Finished(len(part), prepared.parts.spp, error, True, tuple(outputs), "; ".join(notes))
+
+    def _finish_photons(self, order: FinishOrder, part: bytes) -> Finished:
+        """The map is what was ordered: it is kept once."""
+        _, name, _ = order.outputs[0]
+        photons = sum(end - begin for *_, begin, end in _etendue.part_info(part)["held"])
+        return Finished(len(part), photons, None, True, (self._output("photons", name, order.film, part),))
 
 
 def _picture(film: bytes, kind: str, order: FinishOrder) -> bytes:

@@ -114,6 +114,11 @@ def test_jobs_of_others(farm: Farm, browser: Make) -> None:
     assert eve("PUT", f"/jobs/{number}/priority", json={"priority": 3}).status_code == 404
     assert eve.get("/log", params={"job": number}).status_code == 404
     assert eve.get("/events", params={"job": number}).status_code == 404
+    # The log says who has tried, and nothing of jobs that are not there.
+    lines = logged(farm, f"there is no job {number}")
+    assert lines
+    assert all(line.level == "audit" and line.user_id == actor(farm, "eve").id for line in lines)
+    assert not logged(farm, "there is no job 99")
     assert eve.post("/jobs/batch", json={"action": "cancel", "jobs": [number]}).json()["refused"][0]["code"] == "not-found"
     assert eve.get("/jobs").json()["total"] == 0
     assert eve.get("/jobs", params={"owner": "ada", "q": "secret"}).json()["total"] == 0
@@ -195,11 +200,15 @@ def test_scripts_in_names_stay_text(farm: Farm, browser: Make) -> None:
     assert ada.post("/jobs", content=b'{"package": "' + b"0" * 64 + b'", "name": "\\ud800"}').status_code == 422
 
 
-def test_sql_in_filters(browser: Make) -> None:
+def test_sql_in_filters(farm: Farm, browser: Make) -> None:
     ada = browser("ada")
     ada.submit(name="ball")
     for text in ["' OR '1'='1", "'; DROP TABLE jobs; --", '" OR ""="', "%", "_", "\\", "%27%20OR%201=1", "a' UNION SELECT 1 --"]:
         check_filters(ada, text)
+    # What is refused is logged, without what was sent.
+    lines = logged(farm, "/api/v1/jobs' from testclient was refused")
+    assert lines
+    assert not any("DROP" in line.message for line in lines)
 
 
 def check_filters(ada: Browser, text: str) -> None:

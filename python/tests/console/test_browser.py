@@ -263,6 +263,47 @@ def test_from_signing_in_to_the_file(site: str, watched: Watched, farm: Farm, tm
     assert not watched.faults
 
 
+def test_bakes_studies_and_photon_maps_from_the_page(site: str, watched: Watched, farm: Farm, runner: Runner) -> None:
+    me = farm.accounts.local()
+    package = farm.upload(me, packed(room_xml=ROOM), "room.zip")
+    page = watched.page
+    page.goto(f"{site}/enter?key=the-key")
+    page.wait_for_selector("#main h1")
+    orders: dict[str, dict[str, str]] = {
+        "bake": {"#bake-resolution": "96", "#spp": "8"},
+        "photons": {"#photons": "20000"},
+        "study": {"#axes": "integrator=path,normals\nspp=1,2"},
+    }
+    made = {"bake": {"room.glb"}, "photons": {"room.photons"}, "study": {f"room.{n:04}.exr" for n in (1, 2, 3, 4)}}
+    for command, fields in orders.items():
+        page.goto(f"{site}/submit?package={package.id}")
+        page.wait_for_selector("#order:visible")
+        assert page.is_visible("#frames-field")
+        page.select_option("#command", command)
+        assert not page.is_visible("#frames-field")
+        for field, value in fields.items():
+            page.fill(field, value)
+        if command == "study":
+            page.uncheck("#format-png")
+        watched.shot(f"submit-{command}")
+        page.click("#send")
+        page.wait_for_selector("#stage[data-version]")
+        wait_for_state(page, "done")
+        page.wait_for_selector("#downloads a")
+        job = farm.jobs.find(me).items[0]
+        assert {o.name for o in farm.pictures.outputs(me, job.id)} == made[command]
+        until(page, "document.querySelector('#progress').textContent === '100 %'")
+        assert colors(page) > 50
+        watched.shot(f"job-{command}")
+        # What was ordered comes back into the form.
+        page.click("a:has-text('Submit again')")
+        page.wait_for_selector("#order:visible")
+        until(page, "c => document.querySelector('#command').value === c", command)
+        for field, value in fields.items():
+            assert page.input_value(field) == value
+    assert not watched.faults
+
+
 def test_every_page_in_both_themes_is_accessible(site: str, watched: Watched, farm: Farm, runner: Runner) -> None:
     root, ada = actor(farm, "root"), actor(farm, "ada")
     package = farm.upload(ada, packed(room_xml=ROOM), "room.zip")

@@ -93,7 +93,7 @@ def single_machine(folder: Path, scene: str, name: str, *, spp: int | None, cloc
     """Return the EXR file that `etendue render` writes, by way of one film of the whole picture."""
     path = folder / name
     path.write_text(scene)
-    read = _etendue.load(path, [], {}, None, None, (clock, number, final, (None, None)))
+    read = _etendue.load(path, [], {}, None, None, None, clock, (number, final, (None, None)))
     parts = read.prepare({"spp": spp}, None, 1, [], True)
     film = parts.render(parts.crop, 0, parts.spp)
     assert film is not None

@@ -1,7 +1,9 @@
 """Jobs from the order to the picture, on workers that are threads."""
 
+import base64
 import http.server
 import json
+import struct
 import subprocess
 import sys
 import threading
@@ -55,6 +57,67 @@ def test_a_still_has_the_bytes_of_etendue_render(farm: Farm, actor: Actor, runne
     assert farm.pictures.preview(actor, job.id, 0).data.startswith(b"\x89PNG")
     assert farm.pictures.develop(actor, job.id, 0, exposure=1.0, size=40).data.startswith(b"\x89PNG")
     assert "rgb" in farm.pictures.layers(actor, job.id, 0)
+
+
+def moving_gltf() -> str:
+    """A triangle that moves to the right within two seconds, before a camera."""
+    numbers = [0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 0]
+    data = base64.b64encode(struct.pack("<17f", *numbers)).decode()
+    views = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in ((0, 36), (36, 8), (44, 24))]
+    kinds = (("VEC3", 3), ("SCALAR", 2), ("VEC3", 2))
+    accessors = [{"bufferView": i, "componentType": 5126, "type": kind, "count": n} for i, (kind, n) in enumerate(kinds)]
+    channel = {"sampler": 0, "target": {"node": 0, "path": "translation"}}
+    return json.dumps(
+        {
+            "asset": {"version": "2.0"},
+            "scenes": [{"nodes": [0, 1]}],
+            "nodes": [{"mesh": 0}, {"camera": 0, "translation": [0.5, 0.5, 3]}],
+            "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
+            "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+            "animations": [{"name": "go", "samplers": [{"input": 1, "output": 2}], "channels": [channel]}],
+            "accessors": accessors,
+            "bufferViews": views,
+            "buffers": [{"byteLength": 68, "uri": f"data:application/octet-stream;base64,{data}"}],
+        }
+    )
+
+
+def test_frames_of_a_gltf_animation(farm: Farm, actor: Actor, runner: Runner, tmp_path: Path) -> None:
+    file = tmp_path / "moving.gltf"
+    file.write_text(moving_gltf())
+    package = farm.upload(actor, packed(moving_gltf=file.read_bytes()), "moving.zip")
+    order = {
+        "package": package.id,
+        "settings": {"integrator": "normals", "spp": 2, "width": 32, "height": 24},
+        "frames": "1,3",
+        "last_frame": 5,
+        "clocks": (0, 2),
+    }
+    job = runner.finish(farm.jobs.submit(actor, {**order, "gltf_animation": "go"}))
+    assert job.state == "done", job.error
+    made = [picture(farm, actor, job.id, f"moving.{number:04}.exr") for number in (1, 3)]
+    for data, clock in zip(made, ("0", "1"), strict=True):
+        flags = [
+            "--clock",
+            clock,
+            "--gltf-animation",
+            "go",
+            "--integrator",
+            "normals",
+            "--spp",
+            "2",
+            "--width",
+            "32",
+            "--height",
+            "24",
+            "-q",
+        ]
+        command = [Path(sys.executable).parent / "etendue", "render", file, *flags, "-o", tmp_path / "one.exr"]
+        subprocess.run(command, check=True, timeout=300)
+        assert data == (tmp_path / "one.exr").read_bytes()
+    assert made[0] != made[1]
+    bad = runner.finish(farm.jobs.submit(actor, {**order, "gltf_animation": "fly"}))
+    assert "no animation `fly`" in (bad.error or "")
 
 
 def test_an_animation_has_the_frames_of_a_single_machine(farm: Farm, actor: Actor, runner: Runner, tmp_path: Path) -> None:
@@ -244,7 +307,13 @@ def test_orders_are_checked_as_a_whole(farm: Farm, actor: Actor) -> None:
         farm.jobs.submit(actor, {"package": package.id, "settings": {"sp": 3}, "frames": "3-1", "priority": 1000, "notify": "file:///etc"})
     assert all(word in str(caught.value) for word in ("sp", "3-1", "priority", "notify"))
     for bad in (
-        {"command": "bake"},
+        {"command": "bake", "frames": "1-3"},
+        {"command": "bake", "formats": ["exr"]},
+        {"command": "bake", "stop": {"noise": 0.1}},
+        {"command": "photons", "crop": (0, 0, 4, 4)},
+        {"command": "photons", "settings": {"photons": 1 << 40}},
+        {"bake": {"resolution": 64}},
+        {"formats": ["glb"]},
         {"frames": "1-999999999"},
         {"name": "a\x00b"},
         {"scene": "../../etc/passwd"},
@@ -273,8 +342,8 @@ def test_films_merge_to_the_whole_one() -> None:
     # What the scheduler rests on: parts of any kind are the bits of the whole.
     path = ROOT / "scenes"
     assert path.is_dir()
-    with pytest.raises(Exception, match="no films"):
-        _etendue.film_merge([])
+    with pytest.raises(Exception, match="no parts"):
+        _etendue.part_merge([], 64)
 
 
 def test_a_study_has_the_picture_of_each_run(farm: Farm, actor: Actor, runner: Runner, tmp_path: Path) -> None:
@@ -291,7 +360,7 @@ def test_a_study_has_the_picture_of_each_run(farm: Farm, actor: Actor, runner: R
         command = [Path(sys.executable).parent / "etendue", "render", scene, *flags, "-q", "-o", out]
         subprocess.run(command, check=True, timeout=300)
         assert picture(farm, actor, job.id, f"methods.{frame.number:04d}.exr") == out.read_bytes()
-    for wrong in ({"runs": runs}, {"command": "study"}, {"command": "study", "runs": runs, "frames": "1-3"}, {"command": "bake"}):
+    for wrong in ({"runs": runs}, {"command": "study"}, {"command": "study", "runs": runs, "frames": "1-3"}):
         with pytest.raises(InvalidError):
             farm.jobs.submit(actor, {"package": job.package_id, **wrong})
     with pytest.raises(InvalidError, match="spp"):

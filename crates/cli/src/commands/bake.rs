@@ -7,12 +7,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use etendue_render::denoise::Denoiser;
-use etendue_render::image::{Image, WriteOptions, atomic};
 use etendue_render::integrator::Stage;
-use etendue_render::lightmap::fill::Map;
-use etendue_render::lightmap::output::{self, Display};
-use etendue_render::lightmap::probes::{self, Grid};
-use etendue_render::lightmap::{self, Bake, BakeError, BakeOptions, Baked, Content, Sides, Solution, Target, Watcher};
+use etendue_render::lightmap::deliver::Order;
+use etendue_render::lightmap::output::Display;
+use etendue_render::lightmap::{self, Bake, BakeError, BakeOptions, Content, Sides, Solution, Target, Watcher};
 use etendue_render::session::{Observer, Status, Stop};
 
 use super::render::parse_duration;
@@ -21,9 +19,6 @@ use crate::exit::{self, coded};
 use crate::progress::{self, Progress};
 use crate::scene_args::SceneArgs;
 use crate::settings::SettingsArgs;
-
-/// Samples of a texel where the user does not say, for methods that trace paths and for those that look light up.
-const DEFAULT_SPP: [u32; 2] = [256, 16];
 
 /// How the light is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -178,9 +173,8 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
     let method = bake.method(&args.method, args.final_gather, &stage, &mut notes).map_err(|e| failed(e, &desc))?;
     notes.iter().for_each(|n| say(n));
     let mut solution = resume(args, &bake)?.unwrap_or_else(|| Solution::new(bake.point_count()));
-    let default = if args.method == "path" || args.final_gather { DEFAULT_SPP[0] } else { DEFAULT_SPP[1] };
     // Without a number of samples, time and noise alone decide.
-    let spp = settings.spp.or((args.time.is_none() && args.noise.is_none()).then_some(default));
+    let spp = settings.spp.or((args.time.is_none() && args.noise.is_none()).then(|| method.default_spp()));
     let complete = bake.solve(&method, Stop { spp, time: args.time, noise: args.noise }, &mut solution, &cancel, &watcher);
     watcher.progress.finish();
     watcher.result()?;
@@ -191,38 +185,24 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
         say("interrupted; go on with --resume");
         return Ok(ExitCode::from(exit::INTERRUPTED));
     }
-    let baked = bake.finish(&solution, denoiser).map_err(|e| failed(e, &desc))?;
-    if baked.buried > 0 {
-        say(&format!("{} texels lie inside of other bodies and take the light of their neighbors", baked.buried));
-    }
-    let display = match args.display {
-        DisplayArg::Emissive => Display::Emissive,
-        DisplayArg::Unlit => Display::Unlit,
-        DisplayArg::Lightmap => Display::Lightmap,
+    let order = Order {
+        display: match args.display {
+            DisplayArg::Emissive => Display::Emissive,
+            DisplayArg::Unlit => Display::Unlit,
+            DisplayArg::Lightmap => Display::Lightmap,
+        },
+        probes: args.probes,
+        maps: args.exr,
+        directional: args.directional,
     };
-    let scene = output::scene(&bake, &baked, display).map_err(|e| failed(e, &desc))?;
-    let mut extras = serde_json::json!({
-        "lightmap": { "display": format!("{display:?}").to_lowercase(), "texCoord": scene.uv_set, "method": args.method, "samples": solution.spp },
-    });
-    if let Some(counts) = args.probes {
-        let grid = Grid::new(&bake.scene, counts).map_err(|e| failed(e, &desc))?;
-        let field = probes::measure(&bake, &method, &grid, spp.unwrap_or(default).max(64), settings.seed);
-        let json = field.to_json();
-        let path = with_suffix(&args.output, "probes.json");
-        write(&path, json.to_string().as_bytes())?;
-        extras["probes"] = json;
-        say(&format!("{}: {} probes, {} inside of bodies", path.display(), field.probes.len(), field.inside()));
-    }
-    if args.exr {
-        write_maps(args, &baked)?;
-    }
-    let (glb, losses) = scene.glb(extras).map_err(|e| failed(e, &desc))?;
-    losses.iter().for_each(|l| say(&format!("{}: not written: {l}", args.output.display())));
-    write(&args.output, &glb)?;
+    let samples = spp.unwrap_or(method.default_spp());
+    let delivery = bake.deliver(&args.method, &method, &solution, samples, &order, denoiser).map_err(|e| failed(e, &desc))?;
+    delivery.notes.iter().for_each(|n| say(&format!("{}: {n}", args.output.display())));
+    delivery.write(&args.output).map_err(|e| failed(e, &desc))?;
     say(&format!(
         "{}: {:.1} MB, {} samples a point, error {:.2} %, {}",
         args.output.display(),
-        glb.len() as f64 / 1e6,
+        delivery.bytes() as f64 / 1e6,
         solution.spp,
         100.0 * solution.relative_error(),
         progress::human(start.elapsed())
@@ -253,35 +233,6 @@ fn describe(bake: &Bake, say: impl Fn(&str)) {
         }
         Content::Vertices(layout) => say(&format!("{} vertices", layout.len())),
     }
-}
-
-fn write_maps(args: &Args, baked: &Baked) -> anyhow::Result<()> {
-    for (i, irradiance) in baked.irradiance.iter().enumerate() {
-        let [w, h] = irradiance.size;
-        let mut image = Image::from_rgb(w, h, &irradiance.data);
-        let mut push = |names: [&str; 3], map: Option<&Map>| {
-            for (k, name) in names.into_iter().enumerate() {
-                image.push(name, map.map_or(Vec::new(), |m| m.data.iter().map(|v| v[k]).collect()));
-            }
-        };
-        push(["albedo.R", "albedo.G", "albedo.B"], baked.albedo.get(i));
-        push(["N.X", "N.Y", "N.Z"], baked.normal.get(i));
-        if args.directional {
-            push(["direction.X", "direction.Y", "direction.Z"], baked.direction.get(i));
-        }
-        let path = with_suffix(&args.output, &format!("{i}.exr"));
-        image.save(&path, &WriteOptions::default()).with_context(|| path.display().to_string())?;
-    }
-    Ok(())
-}
-
-fn write(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    atomic::write_atomically(path, |out| out.write_all(bytes)).with_context(|| path.display().to_string())
-}
-
-/// `room.glb` → `room.0.exr`.
-fn with_suffix(path: &Path, suffix: &str) -> PathBuf {
-    path.with_extension(suffix)
 }
 
 fn resume(args: &Args, bake: &Bake) -> anyhow::Result<Option<Solution>> {

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use anyhow::Context;
 use clap::Subcommand;
 use etendue_render::integrator::{DEFAULT_PHOTONS, describe_photons, photon_limits};
-use etendue_render::photon::{MapInfo, PhotonMap};
-use etendue_render::scene;
+use etendue_render::photon::{Contents, MapInfo, PhotonMap};
+use etendue_render::session::job::{self, JobError};
 use etendue_scene::RenderSettings;
 
 use super::{note, on_interrupt, report_losses};
@@ -82,6 +82,9 @@ struct Merge {
     /// The result.
     #[arg(short, long, value_name = "FILE.photons")]
     output: PathBuf,
+    /// Most memory for merging, half of it for the result; where records are more, they are thinned, with a message.
+    #[arg(long, value_name = "MIB", default_value_t = 2 * RenderSettings::default().photon_memory)]
+    photon_memory: u32,
 }
 
 #[derive(clap::Args)]
@@ -100,8 +103,8 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     }
 }
 
-fn load(path: &Path) -> anyhow::Result<PhotonMap> {
-    PhotonMap::load(path).with_context(|| path.display().to_string())
+fn load(path: &Path, budget: u64) -> anyhow::Result<PhotonMap> {
+    PhotonMap::load(path, budget).with_context(|| path.display().to_string())
 }
 
 fn save(map: &PhotonMap, path: &Path) -> anyhow::Result<()> {
@@ -120,18 +123,17 @@ fn trace(args: &Trace) -> anyhow::Result<ExitCode> {
     if !args.quiet {
         report_losses(&desc);
     }
-    if desc.classic.is_some() {
-        return Err(coded(exit::INVALID, "photons of POV-Ray scenes cannot be traced yet"));
-    }
-    let settings = RenderSettings::default();
-    let scene = pool.install(|| scene::compile(&desc, &settings, [1, 1])).map_err(|faults| {
-        let lines: Vec<String> = faults.iter().map(|f| format!("{}: error: {}", f.span.display(&desc.files), f.message)).collect();
-        coded(exit::INVALID, lines.join("\n"))
+    let scene = pool.install(|| job::compile_for_photons(&desc)).map_err(|e| match e {
+        JobError::Scene(faults) => {
+            let lines: Vec<String> = faults.iter().map(|f| format!("{}: error: {}", f.span.display(&desc.files), f.message)).collect();
+            coded(exit::INVALID, lines.join("\n"))
+        }
+        e => coded(exit::INVALID, e.to_string()),
     })?;
     let info = MapInfo { scene_hash: desc.light_hash(), seed: args.seed, max_depth: args.max_depth };
     let mut map = PhotonMap::new(info);
     if args.resume && args.output.exists() {
-        let found = load(&args.output)?;
+        let found = load(&args.output, u64::from(args.photon_memory) << 20)?;
         map.merge(found).map_err(|e| coded(exit::INVALID, format!("{}: {e}", args.output.display())))?;
     }
     let cancel = on_interrupt();
@@ -155,7 +157,7 @@ fn trace(args: &Trace) -> anyhow::Result<ExitCode> {
     }
     save(&map, &args.output)?;
     if !args.quiet {
-        note(&format!("{}: {}, in {}", args.output.display(), describe_photons(&map), progress::human(start.elapsed())));
+        note(&format!("{}: {}, in {}", args.output.display(), describe_photons(&map.contents()), progress::human(start.elapsed())));
         photon_limits(&scene).iter().for_each(|n| note(n));
         if map.surface().is_empty() && map.volume().is_empty() {
             note("warning: no photon has landed anywhere: the scene has no light, or nothing that it meets");
@@ -165,23 +167,25 @@ fn trace(args: &Trace) -> anyhow::Result<ExitCode> {
 }
 
 fn merge(args: &Merge) -> anyhow::Result<ExitCode> {
-    let mut total = load(&args.maps[0])?;
+    // One map is read beside what there is.
+    let budget = u64::from(args.photon_memory) << 19;
+    let mut total = load(&args.maps[0], budget)?;
     for path in &args.maps[1..] {
         let context = || format!("{} does not merge with {}", path.display(), args.maps[0].display());
-        total.merge(load(path)?).map_err(|e| coded(exit::INVALID, format!("{}: {e}", context())))?;
+        total.merge_within(load(path, budget)?, budget).map_err(|e| coded(exit::INVALID, format!("{}: {e}", context())))?;
     }
     save(&total, &args.output)?;
-    note(&format!("merged {} maps: {}", args.maps.len(), describe_photons(&total)));
+    note(&format!("merged {} maps: {}", args.maps.len(), describe_photons(&total.contents())));
     Ok(ExitCode::SUCCESS)
 }
 
 fn info(args: &Info) -> anyhow::Result<ExitCode> {
-    let map = load(&args.map)?;
+    let map = Contents::load(&args.map).with_context(|| args.map.display().to_string())?;
     let mut out = std::io::stdout();
-    let ranges: Vec<String> = map.segments().iter().take(8).map(|s| format!("{}..{}", s.begin, s.end)).collect();
+    let ranges: Vec<String> = map.segments.iter().take(8).map(|s| format!("{}..{}", s.begin, s.end)).collect();
     let depth = map.info.max_depth.map_or("any".to_owned(), |d| d.to_string());
     writeln!(out, "{}", describe_photons(&map))?;
-    writeln!(out, "photons {}{}", ranges.join(", "), if map.segments().len() > 8 { ", …" } else { "" })?;
+    writeln!(out, "photons {}{}", ranges.join(", "), if map.segments.len() > 8 { ", …" } else { "" })?;
     writeln!(out, "seed {}, longest path {depth}", map.info.seed)?;
     writeln!(out, "light hash of the scene {}", map.info.scene_hash)?;
     Ok(ExitCode::SUCCESS)

@@ -8,6 +8,7 @@ mod encoding;
 mod exr_write;
 pub mod flip;
 mod hdr;
+mod ktx2;
 pub mod metrics;
 mod palette;
 mod read;

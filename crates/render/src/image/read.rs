@@ -1,4 +1,5 @@
-//! Readers: OpenEXR through `exr`; PNG, JPEG, WebP, BMP, TGA, GIF and TIFF through `image`; Radiance HDR in [`super::hdr`].
+//! Readers: OpenEXR through `exr`; PNG, JPEG, WebP, BMP, TGA, GIF and TIFF through `image`; Radiance HDR in
+//! [`super::hdr`]; KTX2 in [`super::ktx2`].
 //!
 //! Sizes are checked against limits before pixels are allocated. The `image` crate has its own limit of 512 MiB: only
 //! its entry that is no generic function is used here, since setting limits would compile every decoder into this
@@ -13,6 +14,7 @@ use exrs::{ReadChannels, ReadLayers};
 use image::{DynamicImage, ImageFormat};
 
 use super::hdr::{is_hdr, read_hdr};
+use super::ktx2::{is_ktx2, read_ktx2};
 use super::{ChannelData, ColorEncoding, Image, ImageError, TexelData, Texels};
 
 /// What a picture may take at most.
@@ -105,6 +107,8 @@ impl Texels {
         } else if is_hdr(bytes) {
             let (width, height, rgb) = read_hdr(bytes, limits)?;
             (width, height, 3, TexelData::F32(rgb))
+        } else if is_ktx2(bytes) {
+            guarded(|| read_ktx2(bytes, limits))?
         } else {
             guarded(|| decode(bytes, extension, limits))?
         };

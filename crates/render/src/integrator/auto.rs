@@ -61,7 +61,7 @@ impl Auto {
 
     /// The share of the light on surfaces that came there by mirrors and refractors alone.
     fn focused_share(&self, scene: &Scene, stage: &Stage) -> f64 {
-        let tracer = Tracer::new(scene, stage.seed, self.depth, Keep { direct: true, caustic: true, indirect: true });
+        let tracer = Tracer::new(scene, stage.seed, self.depth, Keep::ALL);
         let mut map = PhotonMap::new(MapInfo::default());
         map.trace_with(&tracer, 0, 0..PHOTONS, self.memory / 2, stage.is_cancelled, &mut |_, _| ());
         let (surface, _) = map.into_photons();

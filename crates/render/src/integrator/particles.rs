@@ -5,6 +5,7 @@
 //! from many cameras. The picture is soft where photons are few, and dark in a seam along edges: use `photon` or `sppm` for pictures
 //! to keep.
 
+use super::photon_beams::PhotonBeams;
 use super::photon_settings::{PhotonSettings, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk};
 use super::{Estimate, Integrator, Stage};
@@ -18,6 +19,7 @@ pub struct Particles {
     settings: PhotonSettings,
     surface: PhotonTree,
     volume: PhotonTree,
+    beams: PhotonBeams,
     volume_radius: f32,
     reach: f32,
     scale: f32,
@@ -28,7 +30,7 @@ impl Particles {
     /// With settings; the map comes in `prepare`.
     pub fn new(settings: PhotonSettings) -> Self {
         let (surface, volume) = (PhotonTree::default(), PhotonTree::default());
-        Self { settings, surface, volume, volume_radius: 0.0, reach: 0.0, scale: 0.0, notes: Vec::new() }
+        Self { settings, surface, volume, beams: PhotonBeams::default(), volume_radius: 0.0, reach: 0.0, scale: 0.0, notes: Vec::new() }
     }
 }
 
@@ -38,10 +40,13 @@ impl Integrator for Particles {
         let map = self.settings.map(scene, stage, &mut self.notes)?;
         self.scale = map.scale();
         self.reach = self.settings.reach(scene);
-        let seed = map.info.seed;
+        let (seed, traced) = (map.info.seed, map.traced());
         let (surface, volume) = map.into_photons();
         (self.surface, self.volume) = rayon::join(|| PhotonTree::new(surface), || PhotonTree::new(volume));
         self.volume_radius = volume_radius(scene, &self.volume, seed);
+        if PhotonBeams::are_wanted(scene, &self.settings) {
+            self.beams = PhotonBeams::trace(scene, &self.settings, seed, 0, traced, None);
+        }
         self.notes.push(format!(
             "what is not a mirror or glass shows the density of its {} nearest photons: shadows and caustics are soft, edges are dark",
             self.settings.count()
@@ -68,21 +73,26 @@ impl Gather for Particles {
         });
     }
 
-    fn medium(&self, _scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
-        add_beam(&self.volume, &self.settings, through, self.volume_radius, self.scale, rng, out);
+    fn medium(&self, scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
+        add_volume(scene, (&self.volume, &self.beams), &self.settings, through, (self.volume_radius, self.scale), rng, out);
     }
 }
 
-/// Adds the light that photons in a medium send along a segment.
-pub(super) fn add_beam(
-    tree: &PhotonTree,
+/// Adds the light that photons in a medium send along a segment: from beams where these serve, else from points, within a radius and
+/// with a factor of their powers.
+pub(super) fn add_volume(
+    scene: &Scene,
+    (tree, beams): (&PhotonTree, &PhotonBeams),
     settings: &PhotonSettings,
     through: &Through,
-    radius: f32,
-    scale: f32,
+    (radius, scale): (f32, f32),
     rng: &mut HashRng,
     out: &mut Estimate,
 ) {
+    if PhotonBeams::serve(settings, through.medium) {
+        beams.add(scene, settings, through, out);
+        return;
+    }
     let Through { medium, ray, t_max, throughput, depth } = *through;
     estimate::radiance_along(tree, ray, t_max, radius, scale, medium.phase(), |photon, t, light| {
         if settings.accepts(photon, depth) {

@@ -12,7 +12,8 @@
 use arrayvec::ArrayVec;
 use rayon::prelude::*;
 
-use super::particles::add_beam;
+use super::particles::add_volume;
+use super::photon_beams::PhotonBeams;
 use super::photon_settings::{PhotonSettings, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk, direct};
 use super::{Estimate, Integrator, Stage};
@@ -53,6 +54,7 @@ pub struct PhotonMapping {
     caustic: PhotonTree,
     global: PhotonTree,
     volume: PhotonTree,
+    beams: PhotonBeams,
     /// Irradiance at the photons of the global map, where it can stand for them.
     irradiance: Vec<[f32; 3]>,
     volume_radius: f32,
@@ -70,6 +72,7 @@ impl PhotonMapping {
             caustic: tree(),
             global: tree(),
             volume: tree(),
+            beams: PhotonBeams::default(),
             irradiance: Vec::new(),
             volume_radius: 0.0,
             reach: 0.0,
@@ -263,13 +266,16 @@ impl Integrator for PhotonMapping {
             self.notes.push(format!("to fit into the memory the map is used with one of {} records", 1u64 << map.level()));
         }
         self.scale = map.scale();
-        let seed = map.info.seed;
+        let (seed, traced) = (map.info.seed, map.traced());
         let (surface, volume) = map.into_photons();
         let caustic: Vec<Photon> = surface.iter().filter(|p| p.route() == Route::Caustic).copied().collect();
         let (global, (caustic, volume)) =
             rayon::join(|| PhotonTree::new(surface), || rayon::join(|| PhotonTree::new(caustic), || PhotonTree::new(volume)));
         (self.global, self.caustic, self.volume) = (global, caustic, volume);
         self.volume_radius = volume_radius(scene, &self.volume, seed);
+        if PhotonBeams::are_wanted(scene, &self.settings) {
+            self.beams = PhotonBeams::trace(scene, &self.settings, seed, 0, traced, None);
+        }
         if precompute {
             self.precompute(stage);
         }
@@ -297,7 +303,7 @@ impl Gather for PhotonMapping {
         self.gather(scene, at, stream, rng, out);
     }
 
-    fn medium(&self, _scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
-        add_beam(&self.volume, &self.settings, through, self.volume_radius, self.scale, rng, out);
+    fn medium(&self, scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
+        add_volume(scene, (&self.volume, &self.beams), &self.settings, through, (self.volume_radius, self.scale), rng, out);
     }
 }

@@ -8,7 +8,7 @@ use super::Stage;
 use crate::light::Light;
 use crate::math::{Vec2, hash::hash_words};
 use crate::photon::tree::Neighbors;
-use crate::photon::{MapInfo, Photon, PhotonMap, PhotonTree, estimate};
+use crate::photon::{Contents, MapInfo, Photon, PhotonMap, PhotonTree, estimate};
 use crate::sampler::{Sampler, SamplerKind};
 use crate::scene::Scene;
 
@@ -32,6 +32,8 @@ pub struct PhotonSettings {
     pub neighbors: Option<u32>,
     /// Most memory for photons, in bytes.
     pub memory: u64,
+    /// Light of homogeneous media comes from beams instead of points.
+    pub beams: bool,
     /// A map that has been traced before.
     pub map: Option<PathBuf>,
     /// Longest path in scattering events.
@@ -61,6 +63,7 @@ impl PhotonSettings {
             radius: settings.photon_radius,
             neighbors: settings.photon_neighbors,
             memory: u64::from(settings.photon_memory) << 20,
+            beams: settings.photon_beams,
             map: settings.photon_map.as_ref().map(PathBuf::from),
             max_depth,
             rr_depth,
@@ -95,7 +98,7 @@ impl PhotonSettings {
     pub fn map(&self, scene: &Scene, stage: &Stage, notes: &mut Vec<String>) -> Result<PhotonMap, String> {
         let mut map = match &self.map {
             Some(path) => {
-                let map = PhotonMap::load(path).map_err(|e| format!("{}: {e}", path.display()))?;
+                let map = PhotonMap::load(path, self.memory).map_err(|e| format!("{}: {e}", path.display()))?;
                 if scene.light_hash.as_ref() != Some(&map.info.scene_hash) {
                     return Err(format!("{}: the photon map is of another scene", path.display()));
                 }
@@ -121,22 +124,22 @@ impl PhotonSettings {
             }
         };
         map.limit(self.memory);
-        notes.push(describe(&map));
+        notes.push(describe(&map.contents()));
         notes.extend(limits(scene));
         Ok(map)
     }
 }
 
 /// A sentence about a map.
-pub fn describe(map: &PhotonMap) -> String {
-    let (surface, volume) = (map.surface().len(), map.volume().len());
+pub fn describe(map: &Contents) -> String {
+    let (surface, volume) = (map.surface, map.volume);
     let mut text = format!("{} photons left {surface} records on surfaces", map.traced());
     if volume > 0 {
         text += &format!(" and {volume} in media");
     }
     text += &format!(" ({:.1} MiB)", map.bytes() as f64 / f64::from(1 << 20));
-    if map.level() > 0 {
-        text += &format!("; to fit into the memory one of {} was kept", 1u64 << map.level());
+    if map.level > 0 {
+        text += &format!("; to fit into the memory one of {} was kept", 1u64 << map.level);
     }
     text
 }

@@ -8,7 +8,8 @@
 //! Where Knaus and Zwicker leave the first radius open, ours is a function of the place: the distance of the n nearest photons of a
 //! pilot map, caustics and other light apart. So caustics are sharp from the first pass, and dim corners are not black.
 
-use super::particles::add_beam;
+use super::particles::add_volume;
+use super::photon_beams::PhotonBeams;
 use super::photon_settings::{PhotonSettings, limits, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk};
 use super::{Estimate, Integrator, Stage};
@@ -34,6 +35,7 @@ struct Pass {
     caustic: PhotonTree,
     indirect: PhotonTree,
     volume: PhotonTree,
+    beams: PhotonBeams,
     /// Factor of powers.
     scale: f32,
     level: u32,
@@ -48,6 +50,7 @@ pub struct Sppm {
     /// Radius over the first one.
     shrink: f32,
     volume_radius: f32,
+    beam_radius: f32,
     reach: f32,
     least: f32,
     notes: Vec<String>,
@@ -57,27 +60,37 @@ impl Sppm {
     /// With settings; photons come with the passes.
     pub fn new(settings: PhotonSettings) -> Self {
         let (pilot, pass) = (Pass::default(), Pass::default());
-        let (volume_radius, reach, least) = (0.0, 0.0, 0.0);
-        Self { settings, photons: 0, pilot, pass, shrink: 1.0, volume_radius, reach, least, notes: Vec::new() }
+        let radii = [0.0; 4];
+        let [volume_radius, beam_radius, reach, least] = radii;
+        Self { settings, photons: 0, pilot, pass, shrink: 1.0, volume_radius, beam_radius, reach, least, notes: Vec::new() }
     }
 
     fn trace(&self, scene: &Scene, pass: u32, stage: &Stage) -> Pass {
-        let keep = Keep { direct: false, caustic: true, indirect: true };
+        let keep = Keep { direct: false, ..Keep::ALL };
         let tracer = Tracer::new(scene, stage.seed, self.settings.depth(), keep);
         let mut map = PhotonMap::new(MapInfo::default());
-        // The pilot stays beside the pass.
-        let budget = self.settings.memory / 2;
+        // The pilot stays beside the pass, whose caustics are copied out of it.
+        let budget = self.settings.memory / 3;
         map.trace_with(&tracer, pass, 0..u64::from(self.photons), budget, stage.is_cancelled, &mut |_, f| {
             if pass == PILOT {
                 (stage.progress)("tracing the pilot photons", f);
             }
         });
         let (scale, level) = (map.scale(), map.level());
-        let (surface, volume) = map.into_photons();
-        let (caustic, indirect): (Vec<Photon>, Vec<Photon>) = surface.into_iter().partition(|p| p.route() == Route::Caustic);
+        let (mut indirect, volume) = map.into_photons();
+        // In place, as there may be no room for all of them twice; trees do not depend on the order.
+        let mut others = 0;
+        for i in 0..indirect.len() {
+            if indirect[i].route() != Route::Caustic {
+                indirect.swap(i, others);
+                others += 1;
+            }
+        }
+        let caustic = indirect.split_off(others);
+        indirect.shrink_to_fit();
         let (indirect, (caustic, volume)) =
             rayon::join(|| PhotonTree::new(indirect), || rayon::join(|| PhotonTree::new(caustic), || PhotonTree::new(volume)));
-        Pass { caustic, indirect, volume, scale, level }
+        Pass { caustic, indirect, volume, beams: PhotonBeams::default(), scale, level }
     }
 }
 
@@ -96,7 +109,11 @@ impl Integrator for Sppm {
         self.reach = self.settings.reach(scene);
         self.least = 1e-6 * scene.sphere().radius;
         self.pilot = self.trace(scene, PILOT, stage);
-        self.volume_radius = volume_radius(scene, &self.pilot.volume, stage.seed);
+        self.volume_radius = self.settings.radius.unwrap_or_else(|| volume_radius(scene, &self.pilot.volume, stage.seed));
+        if PhotonBeams::are_wanted(scene, &self.settings) {
+            let photons = u64::from(self.photons);
+            self.beam_radius = PhotonBeams::trace(scene, &self.settings, stage.seed, PILOT, photons, self.settings.radius).radius();
+        }
         let mut note = format!("{} photons in each pass; ", self.photons);
         note += &match self.settings.radius {
             Some(r) => format!("the first radius is {r}"),
@@ -119,6 +136,11 @@ impl Integrator for Sppm {
         self.pass = Pass::default();
         self.pass = self.trace(scene, first, stage);
         self.shrink = shrink(first) as f32;
+        if PhotonBeams::are_wanted(scene, &self.settings) {
+            // Their blur is in one direction alone, so that its radius goes down as the square of the others'.
+            let radius = (self.beam_radius * self.shrink * self.shrink).max(self.least);
+            self.pass.beams = PhotonBeams::trace(scene, &self.settings, stage.seed, first, u64::from(self.photons), Some(radius));
+        }
         Ok(())
     }
 
@@ -151,9 +173,9 @@ impl Gather for Sppm {
         }
     }
 
-    fn medium(&self, _scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
+    fn medium(&self, scene: &Scene, through: &Through, rng: &mut HashRng, out: &mut Estimate) {
         let radius = (self.volume_radius * self.shrink).max(self.least);
-        add_beam(&self.pass.volume, &self.settings, through, radius, self.pass.scale, rng, out);
+        add_volume(scene, (&self.pass.volume, &self.pass.beams), &self.settings, through, (radius, self.pass.scale), rng, out);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Environment maps: a picture of radiance all round, in latitude and longitude.
 //!
 //! The picture's space has +y up (the first row), −z in the middle column, and +x a quarter to the right of it. Radiance is
-//! interpolated bilinearly between texel centers, round the seam and constant beyond the first and last row's centers.
+//! interpolated bilinearly between texel centers, round the seam. Programs differ in where rows lie: see [`Rows`].
 //! Samples are taken from cells (texels, or quarters of texels in pictures of moderate size) by the exact mean of the
 //! interpolated luminance in the cell × sin θ: positive wherever the picture is.
 
@@ -14,6 +14,49 @@ use super::{EmissionSample, LightContext, LightSample, SceneSphere};
 use crate::math::{INV_PI, INV_TAU, Mat3, Mat4, PI, PiecewiseConstant2D, TAU, Vec2, Vec3, fns};
 use crate::spectrum::Spectrum;
 
+/// Where the rows of a picture lie between the poles.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rows {
+    /// Each in the middle of an equal share of the angle; constant beyond the first and last row's centers.
+    #[default]
+    Centered,
+    /// The first and the last on the poles, the others evenly between, as in Mitsuba 3: up to half a row from [`Rows::Centered`].
+    OnPoles,
+}
+
+impl Rows {
+    /// A row's number, with a fraction, at v from 0 to 1.
+    #[inline]
+    fn at(self, v: f32, height: usize) -> f32 {
+        let last = (height - 1) as f32;
+        match self {
+            Self::Centered => (v * height as f32 - 0.5).clamp(0.0, last),
+            Self::OnPoles => (v * last).clamp(0.0, last),
+        }
+    }
+
+    /// The shares of rows in the mean of the interpolation over v from `a` to `b`: at most four rows, by their numbers.
+    fn shares(self, a: f64, b: f64, height: usize) -> [(usize, f64); 4] {
+        let last = (height - 1) as f64;
+        let [a, b] = [a, b].map(|v| match self {
+            Self::Centered => v * height as f64 - 0.5,
+            Self::OnPoles => v * last,
+        });
+        // The integral of the interpolation's hat, from −∞.
+        let integral = |t: f64| {
+            let t = t.clamp(-1.0, 1.0);
+            if t < 0.0 { 0.5 * (t + 1.0) * (t + 1.0) } else { 1.0 - 0.5 * (1.0 - t) * (1.0 - t) }
+        };
+        let first = a.floor();
+        std::array::from_fn(|k| {
+            let row = first + k as f64;
+            let share = if b > a { (integral(b - row) - integral(a - row)) / (b - a) } else { f64::from(u8::from(k == 0)) };
+            // Beyond the first and last row's centers the row is its own neighbor.
+            (row.clamp(0.0, last) as usize, share)
+        })
+    }
+}
+
 /// A picture all round. It is not fit for a light as small as the sun: texels are wider, and a `SunLight` does better.
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
@@ -21,6 +64,7 @@ pub struct EnvironmentLight {
     height: usize,
     texels: Arc<[[f32; 3]]>,
     scale: Spectrum,
+    rows: Rows,
     /// Orthonormal.
     world_from_light: Mat3,
     light_from_world: Mat3,
@@ -44,6 +88,7 @@ impl EnvironmentLight {
         scale: [f32; 3],
         world_from_light: Mat4,
         compensate_mis: bool,
+        rows: Rows,
     ) -> Option<Self> {
         let world_from_light = orthonormal(Mat3::from_mat4(world_from_light))?;
         let scale = Spectrum::from_rgb(scale);
@@ -54,30 +99,30 @@ impl EnvironmentLight {
             *v = if v.is_finite() { v.max(0.0) } else { 0.0 };
         }
         let sub = if texels.len() <= MAX_TEXELS_IN_QUARTERS { 2 } else { 1 };
-        let cells = cell_means(width, height, &texels, scale, sub);
-        let (columns, rows) = (width * sub, height * sub);
+        let cells = cell_means(width, height, &texels, scale, sub, rows);
+        let (columns, cell_rows) = (width * sub, height * sub);
         // The mean of sin θ over a row of cells.
-        let sin_theta: Vec<f32> = (0..rows)
+        let sin_theta: Vec<f32> = (0..cell_rows)
             .map(|y| {
-                let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / rows as f64);
-                ((edge(y) - edge(y + 1)) * rows as f64 * std::f64::consts::FRAC_1_PI) as f32
+                let edge = |y: usize| libm::cos(std::f64::consts::PI * y as f64 / cell_rows as f64);
+                ((edge(y) - edge(y + 1)) * cell_rows as f64 * std::f64::consts::FRAC_1_PI) as f32
             })
             .collect();
         let weighted = |floor: f32| -> Vec<f32> {
             cells.chunks_exact(columns).zip(&sin_theta).flat_map(|(row, &s)| row.iter().map(move |&c| (c - floor).max(0.0) * s)).collect()
         };
-        let mut density = PiecewiseConstant2D::new(columns, rows, &weighted(0.0));
+        let mut density = PiecewiseConstant2D::new(columns, cell_rows, &weighted(0.0));
         if compensate_mis {
             // ∫∫ w sin θ over the unit square, by the mean of sin θ.
             let mean = (density.integral() * std::f64::consts::FRAC_PI_2) as f32;
-            let compensated = PiecewiseConstant2D::new(columns, rows, &weighted(mean));
+            let compensated = PiecewiseConstant2D::new(columns, cell_rows, &weighted(mean));
             if compensated.integral() > 0.0 {
                 density = compensated;
             }
         }
-        let mean = Spectrum::from_rgb(mean_over_sphere(width, height, &texels, &sin_theta)) * scale;
+        let mean = Spectrum::from_rgb(mean_over_sphere(width, height, &texels, &sin_theta, rows)) * scale;
         let light_from_world = world_from_light.transpose();
-        Some(Self { width, height, texels: texels.into(), scale, world_from_light, light_from_world, density, mean })
+        Some(Self { width, height, texels: texels.into(), scale, rows, world_from_light, light_from_world, density, mean })
     }
 
     /// Picture coordinates in [0, 1]² of a unit direction of the picture's space, and sin θ.
@@ -97,7 +142,7 @@ impl EnvironmentLight {
 
     #[inline]
     fn lookup(&self, uv: Vec2) -> Spectrum {
-        let (x, y) = (uv.x * self.width as f32 - 0.5, (uv.y * self.height as f32 - 0.5).clamp(0.0, (self.height - 1) as f32));
+        let (x, y) = (uv.x * self.width as f32 - 0.5, self.rows.at(uv.y, self.height));
         let (fx, fy) = (x - x.floor(), y - y.floor());
         // x is in [−0.5, width − 0.5].
         let x0 = if x < 0.0 { self.width - 1 } else { (x as usize).min(self.width - 1) };
@@ -155,26 +200,25 @@ impl EnvironmentLight {
     }
 }
 
-/// The mean over all directions; `sin_theta` holds the means of sin θ over rows or half rows. The interpolation is taken as
-/// constant in each.
-fn mean_over_sphere(width: usize, height: usize, texels: &[[f32; 3]], sin_theta: &[f32]) -> [f32; 3] {
-    let sub = sin_theta.len() / height;
+/// The mean over all directions; `sin_theta` holds the means of sin θ over rows of cells. The interpolation is taken as constant in
+/// each.
+fn mean_over_sphere(width: usize, height: usize, texels: &[[f32; 3]], sin_theta: &[f32], rows: Rows) -> [f32; 3] {
+    let cells = sin_theta.len() as f64;
+    let mut weights = vec![0.0f64; height];
+    for (y, &s) in sin_theta.iter().enumerate() {
+        for (row, share) in rows.shares(y as f64 / cells, (y + 1) as f64 / cells, height) {
+            weights[row] += share * f64::from(s);
+        }
+    }
     let mut mean = [0.0f64; 3];
-    for (y, row) in texels.chunks_exact(width).enumerate() {
-        // The same kernels as in `cell_means`: what a texel's row has in its own cells, and in its neighbors'.
-        let s = |y: usize| f64::from(sin_theta[y]);
-        let (first, last) = (y * sub, y * sub + sub - 1);
-        let own: f64 = (first..=last).map(s).sum::<f64>() * 0.75;
-        let side = if sub == 2 { 0.25 } else { 0.125 };
-        // Beyond the first and last row's centers the row is its own neighbor.
-        let weight = own + side * (s(if y > 0 { first - 1 } else { first }) + s((last + 1).min(sin_theta.len() - 1)));
+    for (row, weight) in texels.chunks_exact(width).zip(weights) {
         for texel in row {
             for (m, &c) in mean.iter_mut().zip(texel) {
                 *m += weight * f64::from(c);
             }
         }
     }
-    mean.map(|m| (m * std::f64::consts::FRAC_PI_2 / (width * sin_theta.len()) as f64) as f32)
+    mean.map(|m| (m * std::f64::consts::FRAC_PI_2 / (width as f64 * cells)) as f32)
 }
 
 /// The nearest map that keeps angles: scalings are dropped, mirrors kept. `None` where singular or not finite.
@@ -188,9 +232,9 @@ fn orthonormal(m: Mat3) -> Option<Mat3> {
 
 /// The mean of the bilinear interpolation of the luminance in each cell, with `sub` cells along each side of a texel.
 ///
-/// Along one axis a texel's share in the mean over its own width is 6/8 (its neighbors have 1/8 each), and 3/4 (one neighbor 1/4)
-/// in the mean over half of it.
-fn cell_means(width: usize, height: usize, texels: &[[f32; 3]], scale: Spectrum, sub: usize) -> Vec<f32> {
+/// Along a row a texel's share in the mean over its own width is 6/8 (its neighbors have 1/8 each), and 3/4 (one neighbor 1/4)
+/// in the mean over half of it. Cells need not begin with rows: [`Rows::shares`].
+fn cell_means(width: usize, height: usize, texels: &[[f32; 3]], scale: Spectrum, sub: usize, rows: Rows) -> Vec<f32> {
     // (previous, own, next)
     let kernels: &[[f32; 3]] = if sub == 2 { &[[0.25, 0.75, 0.0], [0.0, 0.75, 0.25]] } else { &[[0.125, 0.75, 0.125]] };
     let columns = width * sub;
@@ -204,14 +248,44 @@ fn cell_means(width: usize, height: usize, texels: &[[f32; 3]], scale: Spectrum,
             }
         }
     });
+    let cells = (height * sub) as f64;
     let mut out = vec![0.0; columns * height * sub];
-    out.par_chunks_exact_mut(columns).enumerate().for_each(|(row, out)| {
-        let (y, k) = (row / sub, kernels[row % sub]);
-        let at = |y: usize| &blurred[y * columns..(y + 1) * columns];
-        let (above, own, below) = (at(y.saturating_sub(1)), at(y), at((y + 1).min(height - 1)));
-        for (x, v) in out.iter_mut().enumerate() {
-            *v = k[0] * above[x] + k[1] * own[x] + k[2] * below[x];
+    out.par_chunks_exact_mut(columns).enumerate().for_each(|(y, out)| {
+        for (row, share) in rows.shares(y as f64 / cells, (y + 1) as f64 / cells, height) {
+            let share = share as f32;
+            for (v, &b) in out.iter_mut().zip(&blurred[row * columns..(row + 1) * columns]) {
+                *v += share * b;
+            }
         }
     });
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The shares against a sum of many interpolated values.
+    #[test]
+    fn shares_of_rows_are_means_of_the_interpolation() {
+        for rows in [Rows::Centered, Rows::OnPoles] {
+            for (height, cells) in [(1, 2), (2, 4), (5, 5), (7, 14)] {
+                for y in 0..cells {
+                    let (a, b) = (y as f64 / cells as f64, (y + 1) as f64 / cells as f64);
+                    let mut found = vec![0.0; height];
+                    rows.shares(a, b, height).iter().for_each(|(row, share)| found[*row] += share);
+                    let mut expected = vec![0.0; height];
+                    for i in 0..2000 {
+                        let at = rows.at((a + (b - a) * (f64::from(i) + 0.5) / 2000.0) as f32, height);
+                        let (row, f) = (at as usize, f64::from(at.fract()));
+                        expected[row] += (1.0 - f) / 2000.0;
+                        expected[(row + 1).min(height - 1)] += f / 2000.0;
+                    }
+                    for (f, e) in found.iter().zip(&expected) {
+                        assert!((f - e).abs() < 1e-3, "{rows:?}, {height} rows, cell {y}: {found:?} instead of {expected:?}");
+                    }
+                }
+            }
+        }
+    }
 }

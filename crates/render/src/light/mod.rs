@@ -33,7 +33,7 @@ pub use area::{AreaGeometry, AreaLight};
 pub use bounds::LightBounds;
 pub use constant::ConstantLight;
 pub use directional::{DirectionalLight, SunLight};
-pub use environment::EnvironmentLight;
+pub use environment::{EnvironmentLight, Rows};
 pub use point::PointLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;

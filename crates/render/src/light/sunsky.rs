@@ -11,7 +11,7 @@ use hw_skymodel::rgb::{SkyParams, SkyState};
 use rayon::prelude::*;
 
 use super::sun_table::SUN_IRRADIANCE;
-use super::{EnvironmentLight, Light, SunLight};
+use super::{EnvironmentLight, Light, Rows, SunLight};
 use crate::math::{Mat4, PI, TAU, Vec3, Vec4, fns};
 
 /// Texels of the sky's map.
@@ -33,7 +33,8 @@ pub fn lights(desc: &SunSkyDesc) -> Option<Vec<Light>> {
         // The map's +y is the model's +z.
         let model_from_map = Mat4::from_cols(Vec4::X, Vec4::Z, -Vec4::Y, Vec4::W);
         let scale = [desc.sky_scale; 3];
-        let map = EnvironmentLight::new(SKY_SIZE, sky.texels(SKY_SIZE), scale, desc.world_from_light * model_from_map, false)?;
+        let map =
+            EnvironmentLight::new(SKY_SIZE, sky.texels(SKY_SIZE), scale, desc.world_from_light * model_from_map, false, Rows::Centered)?;
         lights.push(Light::Environment(Box::new(map)));
     }
     if desc.sun && desc.sun_scale > 0.0 && to_sun.z > 0.0 {

@@ -1,16 +1,19 @@
 //! A bake from a description to maps.
 
+use std::ops::Range;
+
 use etendue_scene::{RenderSettings, SceneDesc};
 
 use super::fill::{self, Map};
 use super::flatten::{Flat, flatten};
 use super::layout::Layout;
 use super::method::Method;
-use super::solve::{Points, Solution, Solver, Watcher, solve};
+use super::part::{self, Part};
+use super::solve::{Points, Slice, Solution, Solver, Watcher, solve};
 use super::spots::{Spot, World, spots};
 use super::texels::TexelPoints;
 use super::vertices::{VertexLayout, VertexPoints};
-use super::{BakeError, BakeOptions, Target, checkpoint, seams};
+use super::{BakeError, BakeOptions, Target, seams};
 use crate::classic::physical::{self, MeshOptions};
 use crate::denoise::Denoiser;
 use crate::integrator::Stage;
@@ -143,7 +146,7 @@ impl Bake {
     /// # Errors
     /// The system's.
     pub fn save(&self, path: &std::path::Path, solution: &Solution) -> std::io::Result<()> {
-        checkpoint::save(path, &self.name, solution)
+        part::save(path, &self.name, solution)
     }
 
     /// Reads a checkpoint.
@@ -151,13 +154,40 @@ impl Bake {
     /// # Errors
     /// [`BakeError::Checkpoint`] where it belongs to another scene or other settings; [`BakeError::Io`].
     pub fn load(&self, path: &std::path::Path) -> Result<Solution, BakeError> {
-        checkpoint::load(path, &self.name, self.point_count())
+        part::load(path, &self.name, self.point_count())
     }
 
     /// Samples all points, from what a checkpoint holds on; returns whether no one has cancelled.
     pub fn solve(&self, method: &Method, stop: Stop, solution: &mut Solution, cancel: &Cancel, watcher: &dyn Watcher) -> bool {
         let solver = Solver { scene: &self.scene, method, sampler: self.sampler, stop };
         self.with_points(|points| solve(&solver, points, solution, cancel, watcher))
+    }
+
+    /// Samples some points so many times each, as [`Bake::solve`] does them among all; `None` where someone has cancelled.
+    pub fn solve_part(&self, method: &Method, points: Range<usize>, spp: u32, cancel: &Cancel, watcher: &dyn Watcher) -> Option<Part> {
+        let stop = Stop { spp: Some(spp), ..Stop::default() };
+        let solver = Solver { scene: &self.scene, method, sampler: self.sampler, stop };
+        self.with_points(|all| {
+            let (begin, end) = (points.start.min(all.len()), points.end.min(all.len()));
+            let some = Slice { points: all, begin, len: end.saturating_sub(begin) };
+            let mut solution = Solution::new(some.len);
+            let done = solve(&solver, &some, &mut solution, cancel, watcher);
+            done.then(|| Part { name: self.name.clone(), begin: begin as u64, total: all.len() as u64, solution })
+        })
+    }
+
+    /// The solution that a part of all points is.
+    ///
+    /// # Errors
+    /// [`BakeError::Checkpoint`] where it lacks points, or belongs to another scene or other settings.
+    pub fn whole(&self, part: Part) -> Result<Solution, BakeError> {
+        let refused = || BakeError::Checkpoint("the part lacks points, or belongs to another scene or other settings".into());
+        part.whole(&self.name, self.point_count()).ok_or_else(refused)
+    }
+
+    /// What selects the random numbers.
+    pub fn seed(&self) -> u64 {
+        self.settings.seed
     }
 
     /// Makes maps of a solution: fills gutters, removes noise where a denoiser is given, and lets the values on both sides of seams agree.

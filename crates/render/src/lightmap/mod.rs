@@ -5,12 +5,12 @@
 //!
 //! Baking goes one way: [`flatten`](flatten()) puts all triangles into the world, [`Layout`] unwraps and packs them and finds what each texel
 //! stands for, [`spots()`] finds where its light is measured, [`solve()`] measures, [`fill`] and [`seams`] make pictures of the
-//! texels, and [`output`] writes them with the scene. [`Bake`] does it all. The same bits for any number of threads, with and without
+//! texels, and [`output`] and [`deliver`] write them with the scene. [`Bake`] does it all, at once or by [`Part`]s. The same bits for any number of threads, with and without
 //! interruption.
 
 mod charts;
-mod checkpoint;
 mod clean;
+pub mod deliver;
 pub mod fill;
 mod flatten;
 mod glb;
@@ -19,6 +19,7 @@ mod layout;
 mod method;
 pub mod output;
 mod pack;
+mod part;
 pub mod probes;
 mod seams;
 mod solve;
@@ -34,6 +35,7 @@ pub use job::{Bake, Baked, Content};
 pub use layout::{Layout, PlacedChart, Side, Texel};
 pub use method::{Method, NAMES as METHODS};
 pub use pack::{Packing, Place};
+pub use part::Part;
 pub use solve::{Points, Solution, Solver, Sums, Watcher, solve};
 pub use spots::{Spot, World, spots};
 pub use topology::Topology;

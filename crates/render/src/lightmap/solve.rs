@@ -67,6 +67,27 @@ pub trait Points: Sync {
     fn surface(&self, point: usize, stream: &mut SampleStream) -> Option<Surface>;
 }
 
+/// Some of the points, with the random numbers that they have among all.
+pub(super) struct Slice<'a> {
+    pub points: &'a dyn Points,
+    pub begin: usize,
+    pub len: usize,
+}
+
+impl Points for Slice<'_> {
+    fn len(&self) -> usize {
+        self.len
+    }
+
+    fn key(&self, point: usize) -> [u32; 2] {
+        self.points.key(self.begin + point)
+    }
+
+    fn surface(&self, point: usize, stream: &mut SampleStream) -> Option<Surface> {
+        self.points.surface(self.begin + point, stream)
+    }
+}
+
 /// The state of a solution: all sums after so many samples of each point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solution {

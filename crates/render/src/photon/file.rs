@@ -9,6 +9,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use super::map::{BYTES_PER_PHOTON, MAX_LEVEL, survives_thinning};
 use super::{MapInfo, Photon, PhotonMap, Segment};
 use crate::image::atomic::write_atomically;
 
@@ -40,30 +41,84 @@ pub enum PhotonFileError {
     Damaged(&'static str),
 }
 
-#[derive(Serialize, Deserialize)]
+/// What a map holds: the header of its file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Header {
-    info: MapInfo,
-    level: u32,
-    segments: Vec<Segment>,
-    surface: u64,
-    volume: u64,
+pub struct Contents {
+    /// What it is of.
+    pub info: MapInfo,
+    /// One of 2^level records was kept.
+    pub level: u32,
+    /// Which photons, in order, neighbors joined.
+    pub segments: Vec<Segment>,
+    /// Records on surfaces.
+    pub surface: u64,
+    /// Records in media.
+    pub volume: u64,
+}
+
+impl Contents {
+    /// Number of photons that were traced.
+    pub fn traced(&self) -> u64 {
+        self.segments.iter().map(|s| s.end - s.begin).sum()
+    }
+
+    /// Bytes that the map takes once it is in use.
+    pub fn bytes(&self) -> u64 {
+        (self.surface + self.volume) * BYTES_PER_PHOTON
+    }
+
+    /// Reads what a file says of itself, and whether the rest of it is whole, without keeping any record.
+    ///
+    /// # Errors
+    /// [`PhotonFileError`]
+    pub fn load(path: &Path) -> Result<Self, PhotonFileError> {
+        let (mut input, length) = open(path)?;
+        let contents = read_contents(&mut input, length)?;
+        read_photons(&mut input, contents.surface, &mut |_| {})?;
+        read_photons(&mut input, contents.volume, &mut |_| {})?;
+        at_end(&mut input)?;
+        Ok(contents)
+    }
+
+    /// Whether segments and numbers fit together.
+    fn is_consistent(&self) -> bool {
+        let ordered = self.segments.windows(2).all(|w| w[0].end < w[1].begin) && self.segments.iter().all(|s| s.begin < s.end);
+        let sum = |of: fn(&Segment) -> u64| self.segments.iter().try_fold(0u64, |sum, s| sum.checked_add(of(s)));
+        let complete = sum(|s| s.surface) == Some(self.surface) && sum(|s| s.volume) == Some(self.volume);
+        ordered && complete && self.level <= MAX_LEVEL && sum(|s| s.end - s.begin).is_some()
+    }
+}
+
+fn open(path: &Path) -> Result<(BufReader<File>, u64), PhotonFileError> {
+    let file = File::open(path)?;
+    let length = file.metadata()?.len();
+    Ok((BufReader::with_capacity(1 << 18, file), length))
 }
 
 impl PhotonMap {
-    /// Writes the map as a file's bytes.
-    ///
-    /// # Errors
-    /// Those of the writer.
-    pub fn write_to(&self, out: &mut (impl Write + ?Sized)) -> Result<(), PhotonFileError> {
-        let header = Header {
+    /// Whether bytes begin as a photon file does.
+    pub fn is_file(bytes: &[u8]) -> bool {
+        bytes.starts_with(&MAGIC)
+    }
+
+    /// What the map holds.
+    pub fn contents(&self) -> Contents {
+        Contents {
             info: self.info.clone(),
             level: self.level(),
             segments: self.segments().to_vec(),
             surface: self.surface().len() as u64,
             volume: self.volume().len() as u64,
-        };
-        let header = serde_json::to_vec(&header).map_err(io::Error::from)?;
+        }
+    }
+
+    /// Writes the map as a file's bytes.
+    ///
+    /// # Errors
+    /// Those of the writer.
+    pub fn write_to(&self, out: &mut (impl Write + ?Sized)) -> Result<(), PhotonFileError> {
+        let header = serde_json::to_vec(&self.contents()).map_err(io::Error::from)?;
         out.write_all(&MAGIC)?;
         out.write_all(&VERSION.to_le_bytes())?;
         out.write_all(&(header.len() as u32).to_le_bytes())?;
@@ -90,68 +145,112 @@ impl PhotonMap {
         write_atomically(path, |out| self.write_to(out))
     }
 
-    /// Reads a file. Memory is taken only for what the file really holds.
+    /// Reads a file. Where it holds more than `budget` bytes of records in use, they are thinned as they come.
     ///
     /// # Errors
     /// [`PhotonFileError`]
-    pub fn load(path: &Path) -> Result<Self, PhotonFileError> {
-        let file = File::open(path)?;
-        let length = file.metadata()?.len();
-        Self::read_from(&mut BufReader::with_capacity(1 << 18, file), length)
+    pub fn load(path: &Path, budget: u64) -> Result<Self, PhotonFileError> {
+        let (mut input, length) = open(path)?;
+        Self::read_from(&mut input, length, budget)
     }
 
-    /// Reads a map from bytes of which there are `length`.
+    /// Reads a map from bytes of which there are `length`, as [`Self::load`] does.
     ///
     /// # Errors
     /// [`PhotonFileError`]
-    pub fn read_from(input: &mut impl Read, length: u64) -> Result<Self, PhotonFileError> {
-        let mut prefix = [0; 20];
-        let got = read_up_to(input, &mut prefix)?;
-        if got >= MAGIC.len() && !prefix.starts_with(&MAGIC) {
-            return Err(PhotonFileError::NotPhotons);
-        }
-        if got < prefix.len() {
-            return Err(PhotonFileError::Truncated);
-        }
-        let word = |at: usize| u32::from_le_bytes([prefix[at], prefix[at + 1], prefix[at + 2], prefix[at + 3]]);
-        if word(8) != VERSION {
-            return Err(PhotonFileError::Version(word(8)));
-        }
-        let size = word(12) as usize;
-        if size > MAX_HEADER {
-            return Err(PhotonFileError::Damaged("its header is too long"));
-        }
-        if size as u64 > length {
-            return Err(PhotonFileError::Truncated);
-        }
-        let mut bytes = vec![0; size];
-        if read_up_to(input, &mut bytes)? < size {
-            return Err(PhotonFileError::Truncated);
-        }
-        if crc32fast::hash(&bytes) != word(16) {
-            return Err(PhotonFileError::Damaged("the header's checksum is wrong"));
-        }
-        let header: Header = serde_json::from_slice(&bytes).map_err(|_| PhotonFileError::Damaged("its header is not understood"))?;
-        let record = size_of::<Photon>() as u64;
-        // Before anything is allocated.
-        if header.surface.saturating_add(header.volume).saturating_mul(record) > length {
-            return Err(PhotonFileError::Truncated);
-        }
-        let surface = read_photons(input, header.surface as usize)?;
-        let volume = read_photons(input, header.volume as usize)?;
-        if read_up_to(input, &mut [0])? > 0 {
-            return Err(PhotonFileError::Damaged("it goes on after its end"));
-        }
-        Self::from_parts(header.info, header.segments, header.level, surface, volume)
-            .ok_or(PhotonFileError::Damaged("its list of photons contradicts itself"))
+    pub fn read_from(input: &mut impl Read, length: u64, budget: u64) -> Result<Self, PhotonFileError> {
+        let contents = read_contents(input, length)?;
+        let mut filler = Filler::new(&contents, budget);
+        read_photons(input, contents.surface, &mut |photon| filler.push(false, photon))?;
+        filler.segment = 0;
+        read_photons(input, contents.volume, &mut |photon| filler.push(true, photon))?;
+        at_end(input)?;
+        Ok(filler.map)
     }
 }
 
-fn read_photons(input: &mut impl Read, count: usize) -> Result<Vec<Photon>, PhotonFileError> {
-    let mut photons = Vec::with_capacity(count);
-    let mut bytes = vec![0; BLOCK.min(count) * size_of::<Photon>()];
-    while photons.len() < count {
-        let block = &mut bytes[..(count - photons.len()).min(BLOCK) * size_of::<Photon>()];
+/// Fills a map with the records of a file.
+struct Filler {
+    map: PhotonMap,
+    /// Records that the file has of each segment, on surfaces and in media, those not yet read.
+    left: Vec<[u64; 2]>,
+    /// The segment of the next record.
+    segment: usize,
+    /// Records that the budget has room for.
+    room: u64,
+    /// Thinning of the file.
+    level: u32,
+}
+
+impl Filler {
+    fn new(contents: &Contents, budget: u64) -> Self {
+        let left = contents.segments.iter().map(|s| [s.surface, s.volume]).collect();
+        Self { map: PhotonMap::empty(contents), left, segment: 0, room: budget / BYTES_PER_PHOTON, level: contents.level }
+    }
+
+    fn push(&mut self, volume: bool, photon: Photon) {
+        // The contents are consistent: there are as many records as the segments have together.
+        while self.left[self.segment][usize::from(volume)] == 0 {
+            self.segment += 1;
+        }
+        self.left[self.segment][usize::from(volume)] -= 1;
+        if self.map.level() > self.level && !survives_thinning(&photon, self.map.level()) {
+            return;
+        }
+        self.map.push(self.segment, volume, photon);
+        while (self.map.surface().len() + self.map.volume().len()) as u64 > self.room && self.map.level() < MAX_LEVEL {
+            self.map.thin(self.map.level() + 1);
+        }
+    }
+}
+
+/// Reads magic, version and header.
+fn read_contents(input: &mut impl Read, length: u64) -> Result<Contents, PhotonFileError> {
+    let mut prefix = [0; 20];
+    let got = read_up_to(input, &mut prefix)?;
+    if got >= MAGIC.len() && !prefix.starts_with(&MAGIC) {
+        return Err(PhotonFileError::NotPhotons);
+    }
+    if got < prefix.len() {
+        return Err(PhotonFileError::Truncated);
+    }
+    let word = |at: usize| u32::from_le_bytes([prefix[at], prefix[at + 1], prefix[at + 2], prefix[at + 3]]);
+    if word(8) != VERSION {
+        return Err(PhotonFileError::Version(word(8)));
+    }
+    let size = word(12) as usize;
+    if size > MAX_HEADER {
+        return Err(PhotonFileError::Damaged("its header is too long"));
+    }
+    if size as u64 > length {
+        return Err(PhotonFileError::Truncated);
+    }
+    let mut bytes = vec![0; size];
+    if read_up_to(input, &mut bytes)? < size {
+        return Err(PhotonFileError::Truncated);
+    }
+    if crc32fast::hash(&bytes) != word(16) {
+        return Err(PhotonFileError::Damaged("the header's checksum is wrong"));
+    }
+    let contents: Contents = serde_json::from_slice(&bytes).map_err(|_| PhotonFileError::Damaged("its header is not understood"))?;
+    // Before anything is allocated.
+    let record = size_of::<Photon>() as u64;
+    if contents.surface.saturating_add(contents.volume).saturating_mul(record) > length {
+        return Err(PhotonFileError::Truncated);
+    }
+    if !contents.is_consistent() {
+        return Err(PhotonFileError::Damaged("its list of photons contradicts itself"));
+    }
+    Ok(contents)
+}
+
+/// Reads the blocks of so many records.
+fn read_photons(input: &mut impl Read, count: u64, found: &mut dyn FnMut(Photon)) -> Result<(), PhotonFileError> {
+    let mut bytes = vec![0; (BLOCK as u64).min(count) as usize * size_of::<Photon>()];
+    let mut left = count;
+    while left > 0 {
+        let records = left.min(BLOCK as u64);
+        let block = &mut bytes[..records as usize * size_of::<Photon>()];
         let mut crc = [0; 4];
         if read_up_to(input, &mut crc)? < 4 || read_up_to(input, block)? < block.len() {
             return Err(PhotonFileError::Truncated);
@@ -166,10 +265,18 @@ fn read_photons(input: &mut impl Read, count: usize) -> Result<Vec<Photon>, Phot
             if !photon.is_finite() {
                 return Err(PhotonFileError::Damaged("a photon is not finite"));
             }
-            photons.push(photon);
+            found(photon);
         }
+        left -= records;
     }
-    Ok(photons)
+    Ok(())
+}
+
+fn at_end(input: &mut impl Read) -> Result<(), PhotonFileError> {
+    match read_up_to(input, &mut [0])? {
+        0 => Ok(()),
+        _ => Err(PhotonFileError::Damaged("it goes on after its end")),
+    }
 }
 
 /// Reads until the buffer is full or the input ends; returns how much there was.
@@ -200,11 +307,30 @@ mod tests {
             Segment { begin: 1 << 40, end: (1 << 40) + 5, surface: 10_000, volume: 7 },
         ];
         let info = MapInfo { scene_hash: "abc".into(), seed: u64::MAX, max_depth: Some(7) };
-        PhotonMap::from_parts(info, segments, 2, (0..40_000).map(photon).collect(), (0..7).map(photon).collect()).unwrap()
+        let contents = Contents { info, level: 2, segments, surface: 40_000, volume: 7 };
+        assert!(contents.is_consistent());
+        let mut filler = Filler::new(&contents, u64::MAX);
+        (0..40_000).for_each(|i| filler.push(false, photon(i)));
+        filler.segment = 0;
+        (0..7).for_each(|i| filler.push(true, photon(i)));
+        assert_eq!(filler.map.contents(), contents);
+        filler.map
     }
 
     fn read(bytes: &[u8]) -> Result<PhotonMap, PhotonFileError> {
-        PhotonMap::read_from(&mut &*bytes, bytes.len() as u64)
+        PhotonMap::read_from(&mut &*bytes, bytes.len() as u64, u64::MAX)
+    }
+
+    #[test]
+    fn budgets_hold_while_reading() {
+        let mut bytes = Vec::new();
+        map().write_to(&mut bytes).unwrap();
+        for budget in [0, 5000, 100_000, 1 << 20, map().bytes(), u64::MAX] {
+            let read = PhotonMap::read_from(&mut &bytes[..], bytes.len() as u64, budget).unwrap();
+            let mut expected = map();
+            expected.limit(budget);
+            assert_eq!(read, expected, "{budget}");
+        }
     }
 
     #[test]

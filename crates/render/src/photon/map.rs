@@ -5,14 +5,17 @@ use std::ops::Range;
 use serde::{Deserialize, Serialize};
 
 use super::Photon;
+use super::file::Contents;
 use super::trace::{Deposits, Keep, Tracer};
 use crate::math::hash::hash_words;
 use crate::scene::Scene;
 
-/// Photons traced between looks at the memory budget and at who waits.
-const ROUND: u64 = 1 << 16;
+/// Photons traced between looks at the memory budget and at who waits: at first, and at most.
+const ROUNDS: [u64; 2] = [1 << 12, 1 << 16];
+/// One of so many bytes of the budget is for what a round leaves before it is in the map.
+const ROUND_SHARE: u64 = 8;
 /// The coarsest thinning: one photon of a billion.
-const MAX_LEVEL: u32 = 30;
+pub(super) const MAX_LEVEL: u32 = 30;
 /// Memory that a photon takes in a map in use: its record and its place in the tree.
 pub const BYTES_PER_PHOTON: u64 = size_of::<Photon>() as u64 + 1;
 
@@ -75,13 +78,20 @@ impl PhotonMap {
         Self { info, ..Self::default() }
     }
 
-    /// From the parts of a file, if they fit together.
-    pub(super) fn from_parts(info: MapInfo, segments: Vec<Segment>, level: u32, surface: Vec<Photon>, volume: Vec<Photon>) -> Option<Self> {
-        let ordered = segments.windows(2).all(|w| w[0].end < w[1].begin) && segments.iter().all(|s| s.begin < s.end);
-        let sum = |of: fn(&Segment) -> u64| segments.iter().try_fold(0u64, |sum, s| sum.checked_add(of(s)));
-        let complete = sum(|s| s.surface) == Some(surface.len() as u64) && sum(|s| s.volume) == Some(volume.len() as u64);
-        let fits = ordered && complete && level <= MAX_LEVEL && sum(|s| s.end - s.begin).is_some();
-        fits.then_some(Self { info, segments, level, surface, volume })
+    /// With the segments of a file, whose records are still to come ([`Self::push`]).
+    pub(super) fn empty(contents: &Contents) -> Self {
+        let segments = contents.segments.iter().map(|s| Segment { surface: 0, volume: 0, ..*s }).collect();
+        Self { segments, level: contents.level, ..Self::new(contents.info.clone()) }
+    }
+
+    /// Adds the next record of a segment, surfaces first.
+    pub(super) fn push(&mut self, segment: usize, volume: bool, photon: Photon) {
+        let (list, count) = match volume {
+            false => (&mut self.surface, &mut self.segments[segment].surface),
+            true => (&mut self.volume, &mut self.segments[segment].volume),
+        };
+        list.push(photon);
+        *count += 1;
     }
 
     /// Records on surfaces.
@@ -223,6 +233,27 @@ impl PhotonMap {
         }
     }
 
+    /// The same where both together may take so many bytes: thins them before one is added to the other.
+    ///
+    /// # Errors
+    /// [`MapError`]; the maps may be thinned then.
+    pub fn merge_within(&mut self, mut other: Self, bytes: u64) -> Result<(), MapError> {
+        let mut level = self.level.max(other.level);
+        self.thin(level);
+        other.thin(level);
+        while self.bytes() + other.bytes() > bytes && level < MAX_LEVEL {
+            level += 1;
+            self.thin(level);
+            other.thin(level);
+        }
+        self.merge(other)
+    }
+
+    /// The bytes of a budget that are for a map while it is traced or merged; the rest is for the work.
+    pub fn room(budget: u64) -> u64 {
+        budget - budget / ROUND_SHARE
+    }
+
     /// Thins until the map takes at most so many bytes in use. Returns whether anything was lost.
     pub fn limit(&mut self, bytes: u64) -> bool {
         let level = self.level;
@@ -233,7 +264,8 @@ impl PhotonMap {
     }
 
     /// Traces the photons of a range that are not there. Stops early when told to, with whole rounds done: what is there then is a map of
-    /// fewer photons, and the next call goes on. `budget` limits the memory in bytes: records are thinned where there are more.
+    /// fewer photons, and the next call goes on. `budget` limits the memory in bytes, that of the work included: records are thinned where
+    /// there are more.
     pub fn trace(
         &mut self,
         scene: &Scene,
@@ -258,19 +290,22 @@ impl PhotonMap {
     ) {
         let parts = self.missing(range);
         let total: u64 = parts.iter().map(|r| r.end - r.start).sum();
-        let mut done = 0;
+        let reserve = budget - Self::room(budget);
+        let (mut done, mut round) = (0, ROUNDS[0]);
         for part in parts {
             let mut begin = part.start;
             while begin < part.end {
                 if is_cancelled() {
                     return;
                 }
-                let end = (begin + ROUND).min(part.end);
-                let round = Self::of_range(self.info.clone(), begin, end, tracer.trace(pass, begin..end));
+                let end = (begin + round).min(part.end);
+                let found = Self::of_range(self.info.clone(), begin, end, self.level, tracer.trace(pass, begin..end, self.level));
+                // Its records are in memory twice: by task, and in order. Never much more of them than in the round before.
+                let fitting = (end - begin).saturating_mul(reserve) / (2 * found.bytes()).max(1);
+                round = fitting.min(2 * round).clamp(ROUNDS[0] / 4, ROUNDS[1]);
                 // The ranges were missing and the information is the same.
-                let merged = self.merge(round);
+                let merged = self.merge_within(found, budget - reserve);
                 debug_assert!(merged.is_ok());
-                self.limit(budget);
                 done += end - begin;
                 begin = end;
                 progress(self, done as f64 / total as f64);
@@ -278,9 +313,9 @@ impl PhotonMap {
         }
     }
 
-    fn of_range(info: MapInfo, begin: u64, end: u64, deposits: Deposits) -> Self {
+    fn of_range(info: MapInfo, begin: u64, end: u64, level: u32, deposits: Deposits) -> Self {
         let segment = Segment { begin, end, surface: deposits.surface.len() as u64, volume: deposits.volume.len() as u64 };
-        Self { info, segments: vec![segment], level: 0, surface: deposits.surface, volume: deposits.volume }
+        Self { info, segments: vec![segment], level, surface: deposits.surface, volume: deposits.volume }
     }
 
     /// The records, surfaces first.
@@ -290,7 +325,7 @@ impl PhotonMap {
 }
 
 /// Whether a record is one of the few that stand for all: by its own bits, which photons do not share.
-fn survives_thinning(photon: &Photon, level: u32) -> bool {
+pub(super) fn survives_thinning(photon: &Photon, level: u32) -> bool {
     let words: [u64; 4] = bytemuck::cast(*photon);
     hash_words(words) & ((1 << level) - 1) == 0
 }
@@ -312,7 +347,7 @@ mod tests {
             |i: u64, k: u64| Photon::new(Vec3::new(i as f32, k as f32, 0.5), Vec3::Z, Vec3::Z, Spectrum::ONE, 0, k as u32, Route::Direct);
         let surface = (begin..end).flat_map(|i| (0..i % 3).map(move |k| record(i, k))).collect();
         let volume = (begin..end).filter(|i| i % 5 == 0).map(|i| record(i, 9)).collect();
-        PhotonMap::of_range(info(), begin, end, Deposits { surface, volume })
+        PhotonMap::of_range(info(), begin, end, 0, Deposits { surface, volume, ..Deposits::default() })
     }
 
     #[test]

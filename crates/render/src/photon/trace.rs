@@ -8,12 +8,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use super::{Photon, Route};
+use super::map::survives_thinning;
+use super::{Beam, Photon, Route};
 use crate::accel::Ray;
 use crate::bsdf::Lobe;
 use crate::integrator::emission::EmissionSampler;
 use crate::math::hash::hash_words;
-use crate::medium::MediumStack;
+use crate::medium::{Medium, MediumStack};
 use crate::sampler::{HashRng, Sampler, SamplerKind};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
@@ -34,11 +35,15 @@ pub struct Keep {
     pub caustic: bool,
     /// All others, and those that land in media.
     pub indirect: bool,
+    /// Ways through homogeneous media.
+    pub beams: bool,
 }
 
 impl Keep {
     /// All photons.
-    pub const ALL: Self = Self { direct: true, caustic: true, indirect: true };
+    pub const ALL: Self = Self { direct: true, caustic: true, indirect: true, beams: false };
+    /// Ways through homogeneous media alone.
+    pub const BEAMS: Self = Self { direct: false, caustic: false, indirect: false, beams: true };
 
     fn takes(self, route: Route) -> bool {
         match route {
@@ -56,6 +61,8 @@ pub struct Deposits {
     pub surface: Vec<Photon>,
     /// Where media scatter them; powers are those after the loss by absorption there.
     pub volume: Vec<Photon>,
+    /// The ways through homogeneous media.
+    pub beams: Vec<Beam>,
 }
 
 /// Follows photons through a scene.
@@ -74,23 +81,33 @@ impl<'a> Tracer<'a> {
         Self { scene, emission: EmissionSampler::new(scene), sampler, max_depth, keep }
     }
 
-    /// The deposits of the photons of a range of indices, in `pass`: each pass has photons of its own. Does not depend on threads.
-    pub fn trace(&self, pass: u32, range: Range<u64>) -> Deposits {
+    /// The deposits of the photons of a range of indices, in `pass`: each pass has photons of its own. Of them one of 2^`level` is kept, as
+    /// maps of this thinning do. Does not depend on threads.
+    pub fn trace(&self, pass: u32, range: Range<u64>, level: u32) -> Deposits {
         let tasks = range.end.saturating_sub(range.start).div_ceil(TASK);
         let parts: Vec<Deposits> = (0..tasks)
             .into_par_iter()
             .map(|task| {
                 let begin = range.start + task * TASK;
                 let mut out = Deposits::default();
-                (begin..(begin + TASK).min(range.end)).for_each(|i| self.photon(pass, i, &mut out));
+                for i in begin..(begin + TASK).min(range.end) {
+                    let first = [out.surface.len(), out.volume.len()];
+                    self.photon(pass, i, &mut out);
+                    if level > 0 {
+                        thin(&mut out.surface, first[0], level);
+                        thin(&mut out.volume, first[1], level);
+                    }
+                }
                 out
             })
             .collect();
         let total = |of: fn(&Deposits) -> &Vec<Photon>| parts.iter().map(|p| of(p).len()).sum();
-        let mut all = Deposits { surface: Vec::with_capacity(total(|d| &d.surface)), volume: Vec::with_capacity(total(|d| &d.volume)) };
+        let [surface, volume] = [total(|d| &d.surface), total(|d| &d.volume)].map(Vec::with_capacity);
+        let mut all = Deposits { surface, volume, beams: Vec::new() };
         for part in parts {
             all.surface.extend_from_slice(&part.surface);
             all.volume.extend_from_slice(&part.volume);
+            all.beams.extend_from_slice(&part.beams);
         }
         all
     }
@@ -109,10 +126,16 @@ impl<'a> Tracer<'a> {
         let (mut route, mut depth, mut crossings) = (Route::Direct, 0, 0);
         while depth < self.max_depth {
             let found = scene.intersect(&ray);
-            let before = power;
+            let mut before = power;
             if let Some(medium) = scene.medium(&media) {
                 let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
                 if medium.scatters() {
+                    if self.keep.beams
+                        && let Medium::Homogeneous(homogeneous) = medium
+                    {
+                        let beam = Beam::new(&ray, t_max, homogeneous, power, (media.top(), group, depth, route));
+                        out.beams.extend(beam.is_usable().then_some(beam));
+                    }
                     let flight = medium.sample_flight(&ray, t_max, power, stream.next_1d(), &mut rng);
                     power *= flight.weight;
                     if let Some(t) = flight.scattered_at {
@@ -134,6 +157,19 @@ impl<'a> Tracer<'a> {
                 }
             }
             let Some(s) = found else { return };
+            if scene.solids.is_some() && route == Route::Direct && scene.intersect_shadow(&ray).is_none_or(|behind| behind.t > s.t) {
+                // What casts no shadow is lit, and so is what lies behind it: half of the photons stand for either.
+                power *= 2.0;
+                before *= 2.0;
+                if stream.next_1d() < 0.5 {
+                    crossings += 1;
+                    if crossings > MAX_CROSSINGS || !power.is_finite() {
+                        return;
+                    }
+                    ray = Ray::new(s.offset_origin(ray.d), ray.d);
+                    continue;
+                }
+            }
             let wo = -ray.d;
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             if scatter.is_smooth_anywhere() && self.keep.takes(route) {
@@ -164,6 +200,18 @@ impl<'a> Tracer<'a> {
             }
         }
     }
+}
+
+/// Thins what is behind the `first` records.
+fn thin(photons: &mut Vec<Photon>, first: usize, level: u32) {
+    let mut kept = first;
+    for i in first..photons.len() {
+        if survives_thinning(&photons[i], level) {
+            photons[kept] = photons[i];
+            kept += 1;
+        }
+    }
+    photons.truncate(kept);
 }
 
 /// Adds a photon unless it carries nothing, or numbers that are none.

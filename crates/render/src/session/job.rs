@@ -219,6 +219,18 @@ pub fn prepare_compiled(
     Ok(session)
 }
 
+/// Compiles a scene for the photons of a map, as methods that use the map compile it.
+///
+/// # Errors
+/// [`JobError`]
+pub fn compile_for_photons(desc: &SceneDesc) -> Result<Scene, JobError> {
+    // By the name of such a method, as POV-Ray's own model traces no such photons. The lights of a POV-Ray scene are as bright as they are
+    // where its camera looks, so that the picture's size matters.
+    let settings = RenderSettings { integrator: Some("particles".to_owned()), ..RenderSettings::default() };
+    let plan = Plan::new(desc, &settings, None)?;
+    scene::compile(desc, &settings, [plan.width, plan.height]).map_err(JobError::Scene)
+}
+
 /// The integrator of a plan, where it can render the scene.
 ///
 /// # Errors

@@ -24,6 +24,8 @@ pub enum EnvironmentMapping {
     /// of it.
     #[default]
     Equirectangular,
+    /// The same, with the centers of the first and the last row on the poles and the others evenly between, as Mitsuba 3 has it.
+    EquirectangularOnPoles,
     /// A square with the same solid angle for each pixel, +z in the middle (Clarberg 2008, doi:10.1080/2151237X.2008.10129263), as
     /// pbrt-v4 has it.
     EqualAreaSquare,

@@ -105,6 +105,15 @@ ids! {
     CameraId => cameras: CameraDesc,
 }
 
+/// An animation of a file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AnimationDesc {
+    /// Its name; may be empty.
+    pub name: String,
+    /// Time of its last key, in seconds.
+    pub secs: f64,
+}
+
 /// Everything that a scene file says.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct SceneDesc {
@@ -136,6 +145,8 @@ pub struct SceneDesc {
     pub cameras: Vec<Node<CameraDesc>>,
     /// The scene of the classic model, where the format has one (POV-Ray); the lists above are then empty.
     pub classic: Option<Box<classic::ClassicScene>>,
+    /// Animations that the file has; the scene is one moment of at most one of them.
+    pub animations: Vec<AnimationDesc>,
     /// What the file says about how to render.
     pub film: FilmDesc,
     /// What the file says about the integrator.

@@ -36,6 +36,10 @@ pub struct ReadOptions {
     pub variant: Option<String>,
     /// The scene of a glTF file, by name or number.
     pub scene: Option<String>,
+    /// Second of a glTF file's animation at which the scene is read; `None`: its nodes are where they are without animation.
+    pub time: Option<f64>,
+    /// The animation, by name or number; `None`: the first.
+    pub animation: Option<String>,
     /// What scenes of POV-Ray may ask and do.
     pub pov: pov::PovOptions,
 }

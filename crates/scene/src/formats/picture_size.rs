@@ -1,11 +1,12 @@
 //! Width and height of a picture from its first bytes, without decoding it.
 
-/// Width and height in pixels, where the format is PNG, JPEG, Radiance HDR or EXR and the bytes reach that far.
+/// Width and height in pixels, where the format is PNG, JPEG, Radiance HDR, EXR or KTX2 and the bytes reach that far.
 pub fn picture_size(bytes: &[u8]) -> Option<(u32, u32)> {
     match bytes {
         [0x89, b'P', b'N', b'G', ..] => Some((be32(bytes, 16)?, be32(bytes, 20)?)),
         [0xff, 0xd8, ..] => jpeg(bytes),
         [b'#', b'?', ..] => radiance(bytes),
+        [0xab, b'K', b'T', b'X', ..] => Some((u32::try_from(le32(bytes, 20)?).ok()?, u32::try_from(le32(bytes, 24)?).ok()?)),
         [0x76, 0x2f, 0x31, 0x01, ..] => exr(bytes),
         _ => None,
     }

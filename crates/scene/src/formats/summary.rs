@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use super::picture_size::picture_size;
 use crate::desc::classic::{self, ClassicScene};
-use crate::desc::{GeometryDesc, ImageSource, LightDesc, ProjectionDesc, SceneDesc, TextureDesc};
+use crate::desc::{AnimationDesc, GeometryDesc, ImageSource, LightDesc, ProjectionDesc, SceneDesc, TextureDesc};
 use crate::report::Severity;
 
 /// How much of a picture's file is read to find its size.
@@ -59,6 +59,8 @@ pub struct Summary {
     pub lights: BTreeMap<String, usize>,
     /// Cameras: name and projection.
     pub cameras: Vec<String>,
+    /// Animations: name and seconds.
+    pub animations: Vec<String>,
     /// Picture size that the file asks for.
     pub film: Option<[u32; 2]>,
     /// Samples per pixel that the file asks for.
@@ -153,6 +155,7 @@ impl Summary {
             media: desc.media.len(),
             lights: count(lights.chain(area)),
             cameras: cameras.collect(),
+            animations: desc.animations.iter().enumerate().map(|(i, a)| animation(i, a)).collect(),
             film: desc.film.width.zip(desc.film.height).map(|(w, h)| [w, h]),
             spp: desc.film.spp,
             integrator: desc.integrator.name.clone(),
@@ -185,6 +188,11 @@ impl Summary {
         // A struct of strings, numbers and maps with text keys always has a JSON form.
         serde_json::to_value(self).unwrap_or_default()
     }
+}
+
+fn animation(number: usize, animation: &AnimationDesc) -> String {
+    let name = if animation.name.is_empty() { number.to_string() } else { animation.name.clone() };
+    format!("{name} ({} s)", animation.secs)
 }
 
 fn picture(source: &ImageSource) -> PictureSummary {
@@ -227,6 +235,9 @@ impl fmt::Display for Summary {
         }
         writeln!(f, "lights      {}", list(&self.lights))?;
         writeln!(f, "cameras     {}", if self.cameras.is_empty() { "0".to_owned() } else { self.cameras.join(", ") })?;
+        if !self.animations.is_empty() {
+            writeln!(f, "animations  {}", self.animations.join(", "))?;
+        }
         let film = self.film.map_or_else(|| "not said".to_owned(), |[w, h]| format!("{w} × {h}"));
         let spp = self.spp.map_or(String::new(), |n| format!(", {n} samples per pixel"));
         writeln!(f, "film        {film}{spp}")?;

@@ -7,13 +7,14 @@ use etendue_scene::formats::{ReadOptions, gltf};
 use etendue_scene::{ReadError, SceneDesc};
 use serde_json::json;
 
+use crate::animation::moving;
 use crate::build::{Build, F32, U16, f32s, glb, u16s};
 
 /// All of these take well under a second; the limit only tells a hang from a busy machine.
 const LIMIT: Duration = Duration::from_secs(20);
 
 fn read(bytes: &[u8]) -> Result<SceneDesc, ReadError> {
-    gltf::read_bytes(bytes, Path::new("hostile.glb"), &ReadOptions::default())
+    gltf::read_bytes(bytes, Path::new("hostile.glb"), &ReadOptions { time: Some(0.5), ..ReadOptions::default() })
 }
 
 /// A file with a bit of everything.
@@ -254,6 +255,7 @@ fn corpus_is_current() {
     };
     let b = rich();
     seed("rich.glb", b.glb());
+    seed("animation.glb", moving().glb());
     seed("triangle.glb", Build::triangle().glb());
     let mut json = b.json;
     json["buffers"] = json!([{"byteLength": 9, "uri": "data:;base64,AAAAAAAAgD8A"}]);
@@ -272,10 +274,9 @@ fn mutated_files() {
         state ^= state << 17;
         (state >> 32) as usize
     };
-    let seed = rich();
+    let seeds_of_json = [rich(), moving()];
     let mut seeds = corpus();
-    seeds.push(seed.glb());
-    let text = serde_json::to_string(&seed.json).unwrap();
+    seeds.extend(seeds_of_json.iter().map(Build::glb));
     let numbers = ["0", "-1", "1", "3", "255", "65536", "4294967296", "9007199254740993", "1e308", "0.5", "null", "[]", "{}", "\"x\""];
     let start = Instant::now();
     let mut good = 0;
@@ -290,6 +291,8 @@ fn mutated_files() {
             read(&changed)
         } else {
             // Replace one number of the JSON.
+            let seed = &seeds_of_json[i / 2 % 2];
+            let text = serde_json::to_string(&seed.json).unwrap();
             let places: Vec<usize> = text.match_indices(|c: char| c.is_ascii_digit()).map(|(i, _)| i).collect();
             let at = places[random() % places.len()];
             let end = at + text[at..].find(|c: char| !c.is_ascii_digit()).unwrap();

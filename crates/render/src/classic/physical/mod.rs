@@ -25,7 +25,7 @@ use super::ClassicWorld;
 use super::trace::NEAR;
 use crate::accel::Ray;
 use crate::camera::CameraRay;
-use crate::light::EnvironmentLight;
+use crate::light::{EnvironmentLight, Rows};
 use crate::math::{Aabb, Frame, Mat4, Vec2, Vec3};
 use crate::medium::{Homogeneous, Medium, Phase};
 use crate::scene::geometry::{Emission, NONE, Object};
@@ -185,7 +185,7 @@ impl Physical {
         };
         let texels: Vec<[f32; 3]> = (0..width * height).map(texel).collect();
         let is_black = texels.iter().flatten().all(|&v| !(v > 0.0));
-        if is_black { None } else { EnvironmentLight::new((width, height), texels, [1.0; 3], Mat4::IDENTITY, false) }
+        if is_black { None } else { EnvironmentLight::new((width, height), texels, [1.0; 3], Mat4::IDENTITY, false, Rows::Centered) }
     }
 
     /// The nearest surface along a ray.

@@ -6,8 +6,8 @@ use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, SceneD
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight, SpotLight,
-    equal_area,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight, Rows,
+    SpotLight, equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -141,7 +141,8 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
                 }
                 (size, rgb) = equal_area::to_equirectangular(size.0, &rgb);
             }
-            let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false).ok_or_else(nothing)?;
+            let rows = if *mapping == EnvironmentMapping::EquirectangularOnPoles { Rows::OnPoles } else { Rows::Centered };
+            let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false, rows).ok_or_else(nothing)?;
             vec![Light::Environment(Box::new(light))]
         }
         LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky).ok_or_else(nothing)?,

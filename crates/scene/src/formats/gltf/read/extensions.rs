@@ -23,6 +23,7 @@ const HONORED: &[&str] = &[
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
 
@@ -30,7 +31,6 @@ const HONORED: &[&str] = &[
 const HANDLED_ELSEWHERE: &[&str] = &[
     "KHR_draco_mesh_compression",
     "KHR_materials_pbrSpecularGlossiness",
-    "KHR_texture_basisu",
     "EXT_texture_avif",
     "MSFT_texture_dds",
     "KHR_xmp",

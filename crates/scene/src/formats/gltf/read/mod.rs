@@ -1,6 +1,7 @@
 //! The reader: JSON tree → [`SceneDesc`]. [`Reader`] carries what the parts share.
 
 mod accessor;
+mod animation;
 mod buffer;
 mod deform;
 mod extensions;

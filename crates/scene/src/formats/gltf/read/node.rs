@@ -4,6 +4,7 @@ use glam::{DMat4, DQuat, DVec3, Mat4, Vec3};
 
 use super::Reader;
 use super::accessor::Component::{F32, I8, I16};
+use super::animation::Pose;
 use super::material::MaterialKey;
 use super::mesh::{MeshKey, Primitive};
 use crate::desc::{AddNode, GeometryDesc, GroupDesc, GroupId, InstanceDesc, Node, ShapeDesc};
@@ -16,6 +17,9 @@ const INSTANCE_MIN_TRIANGLES: usize = 1000;
 /// It is instanced, too, where repeating it would make more triangles than this in all.
 const REPEAT_MAX_TRIANGLES: usize = 200_000;
 
+/// What an animation says of nodes, by their number.
+type Poses = std::collections::HashMap<usize, Pose>;
+
 /// A mesh at a place.
 struct Placement<'a> {
     key: MeshKey,
@@ -27,18 +31,17 @@ impl<'a> Reader<'a> {
     pub(super) fn read_scene(&mut self) {
         let nodes = self.list("nodes");
         let Some(roots) = self.scene_roots(nodes) else { return };
-        let (order, world) = self.world_transforms(nodes, &roots);
+        let poses = self.poses();
+        let (order, world) = self.world_transforms(nodes, &roots, &poses);
         let mut placements = Vec::new();
         for &i in &order {
             let (node, Some(transform)) = (&nodes[i], &world[i]) else { continue };
             self.light(node, transform);
             self.camera(node, transform);
-            self.place_mesh(i, node, transform, &world, &mut placements);
+            let weights = poses.get(&i).and_then(|p| p.weights.as_deref());
+            self.place_mesh(i, node, transform, &world, weights, &mut placements);
         }
         self.add_shapes(&placements);
-        if let Some(first) = self.list("animations").first() {
-            self.loss(first, "animations", "static: the pose that the nodes have without animation");
-        }
     }
 
     /// The root nodes of the scene that was asked for.
@@ -74,7 +77,7 @@ impl<'a> Reader<'a> {
     }
 
     /// The nodes of the scene, parents first and otherwise in the file's order, and where each is in the world.
-    fn world_transforms(&mut self, nodes: &'a [Value<'a>], roots: &[usize]) -> (Vec<usize>, Vec<Option<DMat4>>) {
+    fn world_transforms(&mut self, nodes: &'a [Value<'a>], roots: &[usize], poses: &Poses) -> (Vec<usize>, Vec<Option<DMat4>>) {
         let mut world = vec![None; nodes.len()];
         let mut order = Vec::new();
         // A stack of our own: the hierarchy may be as deep as the file likes.
@@ -85,7 +88,7 @@ impl<'a> Reader<'a> {
                 self.error(node, "the node is its own ancestor or has two parents");
                 continue;
             }
-            let transform = parent * self.local_transform(node);
+            let transform = parent * self.local_transform(node, poses.get(&i));
             if !transform.as_mat4().is_finite() {
                 self.error(node, "the node's transform is not finite");
                 continue;
@@ -106,7 +109,7 @@ impl<'a> Reader<'a> {
         (order, world)
     }
 
-    fn local_transform(&mut self, node: &'a Value<'a>) -> DMat4 {
+    fn local_transform(&mut self, node: &'a Value<'a>, pose: Option<&Pose>) -> DMat4 {
         if node.get("matrix").is_some() {
             let Some(m) = self.floats::<16>(node, "matrix") else { return DMat4::IDENTITY };
             if m[3] != 0.0 || m[7] != 0.0 || m[11] != 0.0 || m[15] != 1.0 {
@@ -118,10 +121,12 @@ impl<'a> Reader<'a> {
         let vector = |v: [f32; 3]| DVec3::from_array(v.map(f64::from));
         let t = self.floats(node, "translation").map_or(DVec3::ZERO, vector);
         let s = self.floats(node, "scale").map_or(DVec3::ONE, vector);
-        let r = match self.floats::<4>(node, "rotation") {
+        let r = self.floats::<4>(node, "rotation").map(|q| DQuat::from_array(q.map(f64::from)));
+        let moved = pose.cloned().unwrap_or_default();
+        let (t, s) = (moved.translation.unwrap_or(t), moved.scale.unwrap_or(s));
+        let r = match moved.rotation.or(r) {
             None => DQuat::IDENTITY,
             Some(q) => {
-                let q = DQuat::from_array(q.map(f64::from));
                 if q.length() < 1e-6 {
                     self.warning(node, "a rotation of length 0; taken as none");
                     DQuat::IDENTITY
@@ -134,10 +139,21 @@ impl<'a> Reader<'a> {
     }
 
     /// Loads the mesh of a node and notes where it goes.
-    fn place_mesh(&mut self, i: usize, node: &'a Value<'a>, transform: &DMat4, world: &[Option<DMat4>], out: &mut Vec<Placement<'a>>) {
+    fn place_mesh(
+        &mut self,
+        i: usize,
+        node: &'a Value<'a>,
+        transform: &DMat4,
+        world: &[Option<DMat4>],
+        weights: Option<&[f32]>,
+        out: &mut Vec<Placement<'a>>,
+    ) {
         let Some((m, mesh)) = self.reference(node, "mesh", "meshes") else { return };
-        let deform = self.deformation(node, mesh, world);
-        let deformed = node.get("skin").is_some() || node.get("weights").is_some();
+        let mut deform = self.deformation(node, mesh, world);
+        let deformed = node.get("skin").is_some() || node.get("weights").is_some() || weights.is_some();
+        if let Some(weights) = weights {
+            deform.weights = weights.to_vec();
+        }
         let transforms = match self.instance_transforms(node) {
             Some(instances) => instances.iter().map(|t| *transform * *t).collect(),
             // A skin's joints place the mesh; its node does not (glTF 2.0, 3.7.3.3).

@@ -117,7 +117,7 @@ impl<'a> Reader<'a> {
         (wrap, filter)
     }
 
-    /// The picture of a texture: WebP where the file offers it, otherwise PNG or JPEG.
+    /// The picture of a texture: WebP where the file offers it, otherwise PNG or JPEG, otherwise KTX2.
     fn texture_image(&mut self, texture: &'a Value<'a>) -> Option<ImageId> {
         if let Some(webp) = self.extension(texture, "EXT_texture_webp")
             && let Some((i, image)) = self.reference(webp, "source", "images")
@@ -127,9 +127,14 @@ impl<'a> Reader<'a> {
         if let Some((i, image)) = self.reference(texture, "source", "images") {
             return self.image(i, image);
         }
-        for name in ["KHR_texture_basisu", "EXT_texture_avif", "MSFT_texture_dds"] {
+        if let Some(basis) = self.extension(texture, "KHR_texture_basisu")
+            && let Some((i, image)) = self.reference(basis, "source", "images")
+        {
+            return self.image(i, image);
+        }
+        for name in ["EXT_texture_avif", "MSFT_texture_dds"] {
             if let Some(extension) = self.extension(texture, name) {
-                self.loss(extension, name, "texture ignored: there is no PNG, JPEG or WebP beside it");
+                self.loss(extension, name, "texture ignored: there is no PNG, JPEG, WebP or KTX2 beside it");
                 return None;
             }
         }
@@ -150,24 +155,24 @@ impl<'a> Reader<'a> {
     }
 
     fn load_image(&mut self, image: &'a Value<'a>) -> Option<ImageSource> {
-        let (head, source) = if image.get("bufferView").is_some() {
+        let source = if image.get("bufferView").is_some() {
             let (i, view) = self.reference(image, "bufferView", "bufferViews")?;
             let bytes = self.view(i, view)?;
             if !self.spend(image, bytes.len() as u64) {
                 return None;
             }
-            (bytes[..bytes.len().min(12)].to_vec(), ImageSource::Embedded(bytes.to_vec()))
+            ImageSource::Embedded(bytes.to_vec())
         } else {
             self.required(image, "uri")?;
             let uri = self.string(image, "uri")?;
             match data_uri(uri) {
-                Some(Ok(bytes)) => (bytes[..bytes.len().min(12)].to_vec(), ImageSource::Embedded(bytes)),
+                Some(Ok(bytes)) => ImageSource::Embedded(bytes),
                 Some(Err(reason)) => {
                     self.error(image, reason);
                     return None;
                 }
                 None => match self.resolver.resolve(&self.folder, &file_name(uri)) {
-                    Ok(path) => (Vec::new(), ImageSource::File(path)),
+                    Ok(path) => ImageSource::File(path),
                     Err(e) => {
                         self.error(image, e.to_string());
                         return None;
@@ -175,10 +180,6 @@ impl<'a> Reader<'a> {
                 },
             }
         };
-        if head.starts_with(b"\xABKTX") {
-            self.loss(image, "KTX2 picture", "ignored: no decoder");
-            return None;
-        }
         Some(source)
     }
 

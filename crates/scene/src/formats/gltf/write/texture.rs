@@ -14,7 +14,8 @@ use crate::span::Span;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Image {
     index: usize,
-    webp: bool,
+    /// The extension that such a picture needs.
+    extension: Option<&'static str>,
 }
 
 /// A color as glTF says it: a factor, times a picture, times the color of the vertices.
@@ -160,10 +161,10 @@ impl Writer<'_> {
             None => {
                 let sampler = self.sampler(b);
                 let mut texture = json!({ "sampler": sampler });
-                if image.webp {
-                    self.used.insert("EXT_texture_webp");
-                    self.required.insert("EXT_texture_webp");
-                    texture["extensions"] = json!({"EXT_texture_webp": {"source": image.index}});
+                if let Some(name) = image.extension {
+                    self.used.insert(name);
+                    self.required.insert(name);
+                    texture["extensions"] = json!({ name: {"source": image.index} });
                 } else {
                     texture["source"] = json!(image.index);
                 }
@@ -243,14 +244,16 @@ impl Writer<'_> {
                 &owned
             }
         };
-        let mime = if bytes.starts_with(b"\x89PNG") {
-            "image/png"
+        let (mime, extension) = if bytes.starts_with(b"\x89PNG") {
+            ("image/png", None)
         } else if bytes.starts_with(b"\xFF\xD8\xFF") {
-            "image/jpeg"
+            ("image/jpeg", None)
         } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
-            "image/webp"
+            ("image/webp", Some("EXT_texture_webp"))
+        } else if bytes.starts_with(b"\xABKTX 20") {
+            ("image/ktx2", Some("KHR_texture_basisu"))
         } else {
-            self.loss(node.span, "picture that is no PNG, JPEG or WebP", "left out");
+            self.loss(node.span, "picture that is no PNG, JPEG, WebP or KTX2", "left out");
             return None;
         };
         let view = self.view(bytes, None);
@@ -258,7 +261,7 @@ impl Writer<'_> {
         if !node.name.is_empty() {
             image["name"] = json!(node.name);
         }
-        Some(Image { index: self.push("images", image), webp: mime == "image/webp" })
+        Some(Image { index: self.push("images", image), extension })
     }
 
     /// The bitmap that a normal map refers to.

@@ -66,7 +66,7 @@ impl<'t> Builder<'t> {
                     image,
                     scale: [scale; 3],
                     world_from_light,
-                    mapping: EnvironmentMapping::Equirectangular,
+                    mapping: EnvironmentMapping::EquirectangularOnPoles,
                 })
             }
             "sunsky" | "sky" | "sun" => self.sun_sky(&mut p),

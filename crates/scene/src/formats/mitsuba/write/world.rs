@@ -322,8 +322,14 @@ impl Writer<'_> {
                 self.xml.triple("rgb", "radiance", *radiance);
             }
             LightDesc::Environment { image, scale, world_from_light, mapping } => {
-                if *mapping != EnvironmentMapping::Equirectangular {
-                    self.lose(span, "environment map of another mapping than latitude and longitude", "the picture as it is");
+                match mapping {
+                    EnvironmentMapping::EquirectangularOnPoles => {}
+                    EnvironmentMapping::Equirectangular => {
+                        self.lose(span, "environment map without rows on the poles", "the picture as it is, up to half a row off");
+                    }
+                    EnvironmentMapping::EqualAreaSquare => {
+                        self.lose(span, "environment map of another mapping than latitude and longitude", "the picture as it is");
+                    }
                 }
                 let name = self.image(*image)?;
                 if scale[0] != scale[1] || scale[1] != scale[2] {

@@ -239,7 +239,7 @@ impl Writer<'_> {
                     self.rgb("L", *radiance);
                 }
                 LightDesc::Environment { image, scale, world_from_light, mapping } => {
-                    if *mapping == EnvironmentMapping::Equirectangular {
+                    if *mapping != EnvironmentMapping::EqualAreaSquare {
                         self.lose(
                             span,
                             "environment map in latitude and longitude",
