@@ -83,8 +83,6 @@ impl Segment {
 pub(super) struct Scattered {
     pub t: f32,
     pub wi: Vec3,
-    /// What the throughput has to be multiplied with for `wi`.
-    pub weight: f32,
     pub vertex: Vertex,
 }
 
@@ -130,7 +128,8 @@ pub(super) fn advance(
         out.add(*throughput * radiance * visible * (phase.eval(wo, sample.wi) * weight / pdf), group);
     }
     let sample = phase.sample(wo, stream.next_2d());
-    Some(Scattered { t, wi: sample.wi, weight: sample.weight, vertex: Vertex { ctx, pdf: sample.pdf, on_segment } })
+    *throughput *= sample.weight;
+    Some(Scattered { t, wi: sample.wi, vertex: Vertex { ctx, pdf: sample.pdf, on_segment } })
 }
 
 /// Technique B: one light, one distance.
