@@ -29,15 +29,16 @@ TILE = 8
 MARGIN = 2
 SETTINGS: dict[str, list[str]] = {
     "hierarchical": [],
-    "progressive": ["--radiosity-elements", "6000"],
-    "matrix": ["--radiosity-elements", "3000"],
+    "progressive": [],
+    "matrix": [],
 }
 RUNS: dict[str, list[list[str]]] = {
-    "hierarchical": [["--radiosity-error", e] for e in ("3e-2", "1e-2", "3e-3", "1e-3", "4e-4")],
-    "progressive": [["--radiosity-elements", n] for n in ("500", "1500", "5000", "15000")],
+    "hierarchical": [["--radiosity-rays", n] for n in ("4", "16", "64", "256")],
+    "hierarchical alone": [["--radiosity-rays", "0", "--radiosity-error", e] for e in ("1e-2", "2e-3", "4e-4")],
+    "progressive": [["--radiosity-elements", n] for n in ("300", "1000", "3000")],
     "matrix": [["--radiosity-elements", n] for n in ("300", "1000", "3000")],
 }
-COLORS = {"hierarchical": "#1f77b4", "progressive": "#2ca02c", "matrix": "#d62728"}
+COLORS = {"hierarchical": "#1f77b4", "hierarchical alone": "#9ecae1", "progressive": "#2ca02c", "matrix": "#d62728"}
 Point = tuple[float, float]
 
 
@@ -114,8 +115,8 @@ def solve(
     etendue: str, reference: Reference, method: str, arguments: list[str], folder: Path
 ) -> tuple[float, float, np.ndarray, list[str]]:
     """Solve and draw; return seconds, the error of the mean, those of regions, and the notes."""
-    output = folder / f"{reference.scene.stem}-{method}.exr"
-    flags = ["--integrator", "radiosity", "--radiosity-method", method, *arguments, "--width", str(WIDTH), "--spp", "16"]
+    output = folder / f"{reference.scene.stem}-{method.replace(' ', '-')}.exr"
+    flags = ["--integrator", "radiosity", "--radiosity-method", method.split()[0], *arguments, "--width", str(WIDTH), "--spp", "16"]
     seconds, _, lines = run(etendue, reference.scene, flags, output)
     mean, errors = reference.errors(rgb(channels(output)))
     return seconds, mean, errors, lines
@@ -149,7 +150,7 @@ def speed(etendue: str, references: dict[str, Reference], folder: Path, charts: 
             seconds, mean, errors, _ = solve(etendue, reference, method, arguments, folder)
             error = math.sqrt(np.mean(errors**2))
             points.setdefault(method, []).append((seconds, error))
-            print(f"| {method} | {arguments[1]} | {seconds:.2f} | {mean:+.2%} | {error:.2%} |", flush=True)
+            print(f"| {method} | {' '.join(arguments).replace('--radiosity-', '')} | {seconds:.2f} | {mean:+.2%} | {error:.2%} |", flush=True)
     (charts / "speed.svg").write_text(chart(points, "s", "%", 100), encoding="utf-8")
 
 

@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """Method: auto, path, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals."""
+    """auto, path, bdpt, vcm, mlt, mnee, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals."""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None
@@ -49,15 +49,17 @@ class RenderSettings(TypedDict, total=False):
     radiosity_method: str | None
     """How radiosity is solved: hierarchical, progressive, matrix."""
     radiosity_error: float | None
-    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given."""
+    """Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.002 where not given."""
     radiosity_elements: int | None
     """Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given."""
     radiosity_links: int | None
-    """Most links of hierarchical radiosity, 20 bytes each; 60000000 where not given."""
+    """Most links of hierarchical radiosity, 24 bytes each; 60000000 where not given."""
     radiosity_form_factors: str | None
     """How progressive and matrix radiosity find form factors: rays, hemicube."""
     radiosity_solver: str | None
     """How matrix radiosity solves its system: gauss-seidel, jacobi, direct."""
+    radiosity_rays: int | None
+    """Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given."""
     radiosity_gather: int | None
     """Rays of a final gather from each sample; 0 shows the radiosity solution itself."""
     radiosity_display: str | None

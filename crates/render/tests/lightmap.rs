@@ -254,12 +254,9 @@ fn all_methods_find_the_same_light() {
         (0..solution.sums.len()).filter_map(|i| solution.irradiance(i)).map(|e| f64::from(e[0] + e[1] + e[2])).sum::<f64>()
     };
     let expected = mean("path", false, 64);
-    for (name, gather, spp, tolerance) in
-        [("radiosity", false, 4, 0.03), ("radiosity", true, 32, 0.03), ("particles", true, 32, 0.03), ("particles", false, 4, 0.12)]
-    {
-        let ratio = mean(name, gather, spp) / expected;
-        assert!((ratio - 1.0).abs() < tolerance, "{name}, final gathering {gather}: {ratio}");
-    }
+    let cases = [("radiosity", false, 4), ("radiosity", true, 32), ("particles", true, 32), ("particles", false, 4)];
+    let found = cases.map(|(name, gather, spp)| (name, gather, mean(name, gather, spp) / expected));
+    assert!(found.iter().all(|(_, _, ratio)| (ratio - 1.0).abs() < 0.02), "method, final gathering, ratio: {found:?}");
 }
 
 #[test]

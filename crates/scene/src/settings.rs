@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// Method: auto, path, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals.
+        /// auto, path, bdpt, vcm, mlt, mnee, light, sppm, photon, particles, radiosity, raster, direct, whitted, illuminance, ao, normals.
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
@@ -47,16 +47,18 @@ params! {
         envmap_correction: Option<String> = None, "name", "";
         /// How radiosity is solved: hierarchical, progressive, matrix.
         radiosity_method: Option<String> = None, "name", "";
-        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.0004 where not given.
+        /// Error of a link of hierarchical radiosity, relative to the mean irradiance; smaller makes more elements. 0.002 where not given.
         radiosity_error: Option<f32> = None, "number", "";
         /// Most elements of radiosity; 2000000 (hierarchical), 6000 (progressive), 3000 (matrix) where not given.
         radiosity_elements: Option<u32> = None, "integer", "elements";
-        /// Most links of hierarchical radiosity, 20 bytes each; 60000000 where not given.
+        /// Most links of hierarchical radiosity, 24 bytes each; 60000000 where not given.
         radiosity_links: Option<u32> = None, "integer", "links";
         /// How progressive and matrix radiosity find form factors: rays, hemicube.
         radiosity_form_factors: Option<String> = None, "name", "";
         /// How matrix radiosity solves its system: gauss-seidel, jacobi, direct.
         radiosity_solver: Option<String> = None, "name", "";
+        /// Rays by which an element of mean area looks around once radiosity is solved; 0 for none, 8 million for all where not given.
+        radiosity_rays: Option<u32> = None, "integer", "rays";
         /// Rays of a final gather from each sample; 0 shows the radiosity solution itself.
         radiosity_gather: Option<u32> = None, "integer", "rays";
         /// How the radiosity solution is drawn without gathering: smooth, elements, mesh.

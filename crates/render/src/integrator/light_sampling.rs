@@ -17,7 +17,7 @@ const SHADOW_END: f32 = 1.0 - 1e-4;
 const MAX_CROSSINGS: u32 = 256;
 
 /// A light chosen and sampled.
-pub(super) struct Direct {
+pub(crate) struct Direct {
     /// Toward the light.
     pub sample: LightSample,
     /// Radiance over the density of choosing the light: without the density of the direction.
@@ -39,7 +39,7 @@ pub(super) fn context(s: &Surface) -> LightContext {
 /// Chooses one light for a point and samples it; always draws three numbers. Inlined always, like the shadow rays below: with several
 /// integrators as callers the compiler would not, and paths would pay for the calls.
 #[inline(always)]
-pub(super) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
+pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
     let (u_light, u) = (stream.next_1d(), stream.next_2d());
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
     let sample = scene.lights[index as usize].sample(ctx, u)?;
@@ -122,14 +122,14 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
 
 /// The rest of a shadow ray beyond a surface. It aims at the same end again: the step off the surface is across the ray, and larger than
 /// the gap that is left before a near light.
-fn beyond(ray: &Ray, s: &Surface) -> Ray {
+pub(super) fn beyond(ray: &Ray, s: &Surface) -> Ray {
     let o = s.offset_origin(ray.d);
     if ray.t_max.is_finite() { towards(o, ray.at(ray.t_max / SHADOW_END)) } else { Ray { o, t_min: 0.0, ..*ray } }
 }
 
 /// A ray that ends just before a point.
 #[inline]
-fn towards(o: Vec3, end: Vec3) -> Ray {
+pub(super) fn towards(o: Vec3, end: Vec3) -> Ray {
     let to = end - o;
     let dist = to.length();
     Ray { o, d: to / dist, t_min: 0.0, t_max: dist * SHADOW_END }
@@ -183,14 +183,14 @@ fn is_border(scene: &Scene, s: &Surface) -> bool {
 /// The density with which [`sample_one`] would have sampled a surface point of a light from a context: that of choosing the
 /// light times that of the direction.
 #[inline]
-pub(super) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Surface) -> f32 {
+pub(crate) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Surface) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
     if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_hit(ctx, s.p, s.ng) } else { 0.0 }
 }
 
 /// The same for a light that surrounds the scene.
 #[inline]
-pub(super) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
+pub(crate) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
     if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
 }

@@ -7,7 +7,7 @@ use crate::accel::Ray;
 use crate::camera::CameraRay;
 use crate::integrator::{Estimate, Integrator, Path, PhotonSettings, Stage};
 use crate::math::{Frame, INV_PI};
-use crate::photon::estimate::PhotonLight;
+use crate::photon::PhotonLight;
 use crate::radiosity;
 use crate::sampler::SampleStream;
 use crate::scene::Scene;
@@ -57,7 +57,8 @@ impl Method {
                 let rr_depth = settings.rr_depth.unwrap_or(4).min(1000);
                 let own = PhotonSettings::new(settings, settings.max_depth, rr_depth).map_err(BakeError::Setting)?;
                 let map = own.map(scene, stage, notes).map_err(BakeError::Setting)?;
-                Box::new(PhotonLight::new(map, own.count(), own.reach(scene)))
+                let light = PhotonLight::new(map, own.count(), own.reach(scene));
+                if gather { Box::new(light.coarse(scene)) } else { Box::new(light) }
             }
             _ => return Err(BakeError::Setting(format!("no method `{name}`; there are {}", NAMES.join(", ")))),
         };

@@ -8,10 +8,9 @@
 //! walls. Photons on the far side of an opaque surface are dark by its BSDF.
 
 use super::tree::Neighbors;
-use super::{Photon, PhotonMap, PhotonTree};
+use super::{Photon, PhotonTree};
 use crate::accel::Ray;
 use crate::bsdf::TransportMode;
-use crate::lightmap::SurfaceLight;
 use crate::material::Scatter;
 use crate::math::{INV_PI, Vec3};
 use crate::medium::Phase;
@@ -19,7 +18,7 @@ use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
 /// Least cosine between the normal of a photon's surface and the one that is looked at.
-const LEAST_NORMAL_COS: f32 = 0.7;
+pub(super) const LEAST_NORMAL_COS: f32 = 0.7;
 /// Cosines below this count as this, so that photons that graze a surface do not weigh without limit.
 const LEAST_COS: f32 = 0.02;
 
@@ -102,7 +101,7 @@ impl Query<'_> {
 
 /// The factor of the kernel over a disk: ∫ (1 − d²/r²) dA = π r² / 2.
 #[inline]
-fn disk_norm(r2: f32) -> f32 {
+pub(super) fn disk_norm(r2: f32) -> f32 {
     let norm = 2.0 * INV_PI / r2;
     if norm.is_finite() { norm } else { 0.0 }
 }
@@ -133,29 +132,6 @@ pub fn irradiance(tree: &PhotonTree, p: Vec3, n: Vec3, count: usize, radius: f32
     let r2 = tree.nearest(p, count, radius, |photon| photon.normal().dot(n) >= LEAST_NORMAL_COS, &mut found);
     let norm = disk_norm(r2) * scale;
     found.iter().fold(Spectrum::ZERO, |sum, &(d2, index)| sum + tree.photon(index).power() * (norm * (1.0 - d2 / r2)))
-}
-
-/// The light of a photon map on surfaces, for lightmaps and reports.
-pub struct PhotonLight {
-    tree: PhotonTree,
-    scale: f32,
-    count: usize,
-    radius: f32,
-}
-
-impl PhotonLight {
-    /// Estimates by the `count` nearest photons within a radius in scene units.
-    pub fn new(map: PhotonMap, count: usize, radius: f32) -> Self {
-        let scale = map.scale();
-        Self { tree: PhotonTree::new(map.into_photons().0), scale, count, radius }
-    }
-}
-
-impl SurfaceLight for PhotonLight {
-    fn irradiance(&self, _scene: &Scene, surface: &Surface) -> Spectrum {
-        let n = if surface.ng.dot(surface.frame.n) < 0.0 { -surface.ng } else { surface.ng };
-        irradiance(&self.tree, surface.p, n, self.count, self.radius, self.scale)
-    }
 }
 
 /// The reach of searches where the settings say nothing: a twentieth of the scene's radius.

@@ -12,6 +12,7 @@
 //! | `beams` | the ways of photons through homogeneous media, by place |
 //! | `tree` | a kd-tree: all photons within a radius, the k nearest |
 //! | `estimate` | from densities to radiance and irradiance |
+//! | `surface_light` | irradiance for lightmaps, right up to the edges of surfaces |
 //!
 //! Sources: Jensen 1996, "Global Illumination using Photon Maps" (doi:10.1007/978-3-7091-7484-5_3); Shirley et al. 1995,
 //! "Global Illumination via Density-Estimation" (doi:10.1007/978-3-7091-9430-0_21).
@@ -20,13 +21,15 @@ pub mod beams;
 pub mod estimate;
 pub mod file;
 pub mod map;
+pub mod surface_light;
 pub mod trace;
 pub mod tree;
 
 pub use beams::{Beam, BeamTree};
-pub use estimate::{PhotonLight, Query};
+pub use estimate::Query;
 pub use file::Contents;
 pub use map::{MapError, MapInfo, PhotonMap, Segment};
+pub use surface_light::{CoarseLight, PhotonLight};
 pub use trace::Tracer;
 pub use tree::PhotonTree;
 

@@ -20,6 +20,10 @@ const MANY_LIGHTS: usize = 16;
 const SKY_SAMPLES: u32 = 4;
 /// Points of an element that look for light.
 const POINTS: u32 = 16;
+/// Random numbers of points that look for light, and of those that look for shadow edges: the points that decide that an element is
+/// even must not be those that light it, or places that few points find would be too dark.
+const LIGHT: u32 = 0xd1_4ec7;
+const EDGES: u32 = 0xed_6e55;
 /// Shadow rays end this much (relative) before a light.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
@@ -115,11 +119,11 @@ impl DirectLights {
         sum
     }
 
-    /// Mean irradiance of the four quarters of an element, from `n` points in each.
-    fn quarters(&self, scene: &Scene, mesh: &Mesh, index: u32, n: u32, wants: impl Fn(&Light) -> bool + Copy) -> [Spectrum; 4] {
+    /// Mean irradiance of the four quarters of an element, from `n` points in each; `series` selects the random numbers.
+    fn quarters(&self, scene: &Scene, mesh: &Mesh, index: u32, n: u32, series: u32, wants: impl Fn(&Light) -> bool) -> [Spectrum; 4] {
         let node = &mesh.nodes[index as usize];
         let face = mesh.face(node);
-        let random = PairRandom::new(self.seed, index, 0xd1_4ec7);
+        let random = PairRandom::new(self.seed, index, series);
         std::array::from_fn(|i| {
             let corners = quarter(&node.corners, i);
             let mut sum = Spectrum::ZERO;
@@ -127,7 +131,7 @@ impl DirectLights {
                 let at = k * 4 + i as u32;
                 let p = if n == 1 { (corners[0] + corners[1] + corners[2]) / 3.0 } else { point_of(&corners, random.pair(at)) };
                 let (p, normal) = mesh.faces.on_surface(scene, face, p);
-                sum += self.at(scene, p, normal, random, 0x1000 + at, wants);
+                sum += self.at(scene, p, normal, random, 0x1000 + at, &wants);
             }
             sum / n as f32
         })
@@ -141,7 +145,7 @@ impl DirectLights {
         nodes
             .par_iter()
             .map(|&i| {
-                let q = self.quarters(scene, mesh, i, POINTS / 4, |_| true);
+                let q = self.quarters(scene, mesh, i, POINTS / 4, LIGHT, |_| true);
                 (q[0] + q[1] + q[2] + q[3]) * 0.25
             })
             .collect()
@@ -159,7 +163,7 @@ impl DirectLights {
         let mut reference = None;
         let mut count = candidates.len();
         while !candidates.is_empty() {
-            let found: Vec<[Spectrum; 4]> = candidates.par_iter().map(|&i| self.quarters(scene, mesh, i, 2, sharp)).collect();
+            let found: Vec<[Spectrum; 4]> = candidates.par_iter().map(|&i| self.quarters(scene, mesh, i, 2, EDGES, sharp)).collect();
             let reference = *reference.get_or_insert_with(|| {
                 let sum: f64 = found
                     .iter()

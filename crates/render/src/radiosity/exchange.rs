@@ -2,7 +2,7 @@
 
 use glam::Vec3;
 
-use super::form_factor::{Estimate, PairRandom, Side, between_triangles, point_of, visibility};
+use super::form_factor::{Estimate, Pair, PairRandom, Side, SourceLight, point_of, visibility};
 use super::mesh::{Mesh, Node, descend_once};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
@@ -11,6 +11,9 @@ use crate::spectrum::Spectrum;
 const CLUSTER_SAMPLES: u32 = STRATA;
 /// Parts of a cluster, of equal area, that its points come from in turn.
 const STRATA: u32 = 16;
+
+/// What changes a seed for rays that must not know of those that decided about them.
+pub const OTHER: u64 = 0x9d39_247e_3377_6d41;
 
 /// A solution on a mesh.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +26,8 @@ pub struct Solved {
     pub irradiance: Vec<Spectrum>,
     /// Radiosity of all nodes, W·m⁻².
     pub radiosity: Vec<Spectrum>,
+    /// Leaves that lie inside of other bodies, by node: no one sees their light. Empty before the [`super::local`] pass.
+    pub buried: Vec<bool>,
     /// Sum of form factors of each leaf, by node; 1 in a closed room. Empty where the solver does not know it.
     pub row_sums: Vec<f32>,
     /// Mean of |Aᵢ Fᵢⱼ − Aⱼ Fⱼᵢ| over the mean of Aᵢ Fᵢⱼ; `None` where the solver has not both.
@@ -32,6 +37,25 @@ pub struct Solved {
 }
 
 impl Solved {
+    /// Subdivides leaves; the parts have the whole's light. Returns the first new node.
+    pub fn subdivide(&mut self, scene: &Scene, leaves: &[u32]) -> u32 {
+        let first = self.mesh.subdivide(scene, leaves);
+        for i in first as usize..self.mesh.nodes.len() {
+            let node = &self.mesh.nodes[i];
+            let parent = node.parent as usize;
+            self.irradiance.push(self.irradiance[parent]);
+            self.direct.push(self.direct[parent]);
+            self.radiosity.push(node.emission + node.reflectance * self.irradiance[parent]);
+            if let Some(&sum) = self.row_sums.get(parent) {
+                self.row_sums.push(sum);
+            }
+            if let Some(&is_buried) = self.buried.get(parent) {
+                self.buried.push(is_buried);
+            }
+        }
+        first
+    }
+
     /// Fluxes of the leaves in W: emitted, brought by lights that are no surfaces, absorbed.
     pub fn fluxes(&self) -> [Spectrum; 3] {
         let mut sums = [[0.0f64; 4]; 3];
@@ -68,9 +92,18 @@ struct Sample {
 }
 
 impl Factors<'_> {
-    /// The factor from a receiver to a source, both no clusters; `rays` as in [`between_triangles`]. For a source with elements of its
-    /// own, `light` of its leaves says how it is spread over them; the factor belongs to that light.
-    pub fn elements(&self, receiver: u32, source: u32, rays: u32, light: &[Spectrum]) -> Estimate {
+    /// The pair of a receiver and a source, both no clusters; `None` where no light can go from one to the other.
+    pub fn pair(&self, receiver: u32, source: u32) -> Option<Pair<'_>> {
+        let side = |i: u32| {
+            let node = &self.mesh.nodes[i as usize];
+            Side { corners: &node.corners, normal: self.mesh.face(node).normal }
+        };
+        Pair::new(side(receiver), side(source))
+    }
+
+    /// The factor of a pair; `rays` as in [`Pair::trace`]. For a source with elements of its own, `light` of its leaves says how it is
+    /// spread over them; the factor belongs to that light.
+    pub fn trace(&self, pair: &Pair, receiver: u32, source: u32, rays: u32, light: &[Spectrum]) -> Estimate {
         let (r, s) = (&self.mesh.nodes[receiver as usize], &self.mesh.nodes[source as usize]);
         let (face_r, face_s) = (self.mesh.face(r), self.mesh.face(s));
         let passes = |p: Vec3, q: Vec3| {
@@ -78,16 +111,17 @@ impl Factors<'_> {
             let (q, nq) = self.mesh.faces.on_surface(self.scene, face_s, q);
             visibility(self.scene, p, np, q, nq)
         };
-        let side = |n, normal| Side { corners: n, normal };
         let at = |p| light[self.leaf_at(source, p) as usize].average();
-        between_triangles(
-            &side(&r.corners, face_r.normal),
-            &side(&s.corners, face_s.normal),
-            rays,
-            PairRandom::new(self.seed, receiver, source),
-            passes,
-            if s.is_leaf() { None } else { Some(&at) },
-        )
+        let light = (!s.is_leaf()).then(|| SourceLight { at: &at, mean: light[source as usize].average() });
+        pair.trace(rays, PairRandom::new(self.seed, receiver, source), passes, light.as_ref())
+    }
+
+    /// The factor from a receiver to a source, both no clusters, by more rays where some first ones find something in between; those
+    /// do not count themselves.
+    pub fn elements(&self, receiver: u32, source: u32, light: &[Spectrum]) -> f32 {
+        let Some(pair) = self.pair(receiver, source) else { return 0.0 };
+        let rays = if self.trace(&pair, receiver, source, 1, light).is_mixed() { 4 } else { 1 };
+        Factors { seed: self.seed ^ OTHER, ..*self }.trace(&pair, receiver, source, rays, light).factor
     }
 
     /// The leaf of an element that holds a point of it.
@@ -114,7 +148,7 @@ impl Factors<'_> {
         let n = if importance > 1.0 { 2 * CLUSTER_SAMPLES } else { CLUSTER_SAMPLES };
         let is_cluster = r.is_cluster();
         let mean = radiosity[source as usize].average();
-        let (mut factor, mut geometric, mut count) = (0.0f32, 0.0f32, 0u32);
+        let (mut factor, mut geometric, mut open, mut passed, mut traced, mut count) = (0.0f32, 0.0f32, 0.0f32, 0.0f32, 0u32, 0u32);
         for i in 0..n {
             let at = self.sample(r, receiver, random, 4 * i, i);
             // Which parts are paired is random: a fixed pairing would see the same half of everything.
@@ -138,12 +172,17 @@ impl Factors<'_> {
                 (self.mesh.face(&self.mesh.nodes[at.face as usize]), self.mesh.face(&self.mesh.nodes[from.face as usize]));
             let (p, np) = self.mesh.faces.on_surface(self.scene, face_r, at.p);
             let (q, nq) = self.mesh.faces.on_surface(self.scene, face_s, from.p);
-            let kernel = kernel * visibility(self.scene, p, np, q, nq);
+            let share = visibility(self.scene, p, np, q, nq);
+            open += kernel;
+            passed += share;
+            traced += 1;
+            let kernel = kernel * share;
             geometric += kernel;
             factor += if mean > 0.0 && s.is_cluster() { kernel * (radiosity[from.face as usize].average() / mean) } else { kernel };
         }
         let inv = 1.0 / count.max(1) as f32;
-        Estimate { factor: factor * inv, spread: 0.0, geometric: (geometric * inv).min(1.0) }
+        let passed = passed / traced.max(1) as f32;
+        Estimate { factor: factor * inv, spread: 0.0, geometric: (geometric * inv).min(1.0), open: (open * inv).min(1.0), passed }
     }
 
     /// A point of a node: children by area, then uniform. Points with the index `i` fall into the parts of a

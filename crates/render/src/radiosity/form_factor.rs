@@ -2,7 +2,7 @@
 //!
 //! [`point_to_polygon`] is exact where nothing is in between (Lambert 1760, as in Baum, Rushmeier and Winget 1989, "Improving
 //! Radiosity Solutions Through the Use of Analytically Determined Form-Factors", doi:10.1145/74333.74367). Times the share of rays
-//! that pass, and averaged over points of the receiver, it is the factor of a pair of elements: [`between_triangles`].
+//! that pass, and averaged over points of the receiver, it is the factor of a pair of elements: [`Pair`].
 //!
 //! The convention of all of this module: F from a receiver to a source is the share of the receiver's view that the source fills, so
 //! the receiver's irradiance is F times the source's radiosity (W·m⁻²), and the factors of a receiver in a closed room sum to 1.
@@ -152,10 +152,21 @@ pub fn passes(scene: &Scene, ray: Ray) -> f32 {
 pub struct Estimate {
     /// The factor from the receiver to the source.
     pub factor: f32,
-    /// Largest less smallest value over the receiver.
+    /// Largest less smallest value over the receiver's quarters.
     pub spread: f32,
     /// The factor of a source that is evenly bright: geometry and visibility alone.
     pub geometric: f32,
+    /// The factor if nothing were in between.
+    pub open: f32,
+    /// The share of the rays that passed.
+    pub passed: f32,
+}
+
+impl Estimate {
+    /// Whether some rays passed and some did not.
+    pub fn is_mixed(&self) -> bool {
+        self.passed > 0.0 && self.passed < 1.0
+    }
 }
 
 /// A triangle that sends or receives on the side from which its corners are counter-clockwise.
@@ -204,61 +215,62 @@ fn mean_over(from: &Side, to: &Side) -> f32 {
     (0..4).map(|i| mean(&quarter(from.corners, i))).sum::<f32>() / 4.0
 }
 
-/// How much brighter a source is towards a receiver than in the mean: its radiosity at points, weighted by their factors to the receiver.
-fn brightness_towards(receiver: &Side, source: &Side, light: &dyn Fn(Vec3) -> f32) -> f32 {
-    let (mut sent, mut factors, mut lights) = (0.0, 0.0, 0.0);
-    for corners in (0..4).map(|i| quarter(source.corners, i)) {
-        for (weight, b) in POINTS {
-            let p = corners[0] * b[0] + corners[1] * b[1] + corners[2] * b[2];
-            let (factor, light) = (weight * point_to_polygon(p, source.normal, receiver.corners), light(p));
-            sent += factor * light;
-            factors += factor;
-            lights += weight * light / 4.0;
-        }
-    }
-    if factors > 0.0 && lights > 0.0 { sent / factors / lights } else { 1.0 }
+/// How bright a source is at a point of it, and in the mean. What is near a receiver is often bright from the same light, and what is
+/// hidden from it dark, as the floor under a table: mean radiosity times bare geometry would lose light.
+pub struct SourceLight<'a> {
+    /// At a point.
+    pub at: &'a dyn Fn(Vec3) -> f32,
+    /// The mean over the area.
+    pub mean: f32,
 }
 
-/// The factor from a receiver to a source: the mean over the receiver of the exact factor of a point to the source, by points, times
-/// the share of `rays` (per quarter of the receiver, at least 1) that pass. Where some pass and some do not, four times as many are
-/// traced. `passes` is the share of light that passes between a point of the receiver and one of the source, and `light` says how
-/// bright the source is at a point, where it is not so evenly: what is near the receiver is often bright from the same light, and
-/// what is hidden from it dark, as the floor under a table, so that mean radiosity times bare geometry would lose light.
-///
-/// The points are those of the smaller of both, as Aᵣ Fᵣₛ = Aₛ Fₛᵣ: a small source at the edge of a large receiver may lie between all
-/// points of the receiver, and light would be lost.
-pub fn between_triangles(
-    receiver: &Side,
-    source: &Side,
-    rays: u32,
-    random: PairRandom,
-    passes: impl Fn(Vec3, Vec3) -> f32,
-    light: Option<&dyn Fn(Vec3) -> f32>,
-) -> Estimate {
-    let above = |c: &[Vec3; 3], s: &Side| c.iter().any(|&c| (c - s.corners[0]).dot(s.normal) > 0.0);
-    if !above(source.corners, receiver) || !above(receiver.corners, source) {
-        return Estimate::default();
+/// A receiver and a source that see each other's right sides, with the factor that they have if nothing is in between.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair<'a> {
+    receiver: Side<'a>,
+    source: Side<'a>,
+    open: f32,
+}
+
+impl<'a> Pair<'a> {
+    /// `None` where no light can go from one to the other.
+    ///
+    /// The mean is over points of the smaller of both, as Aᵣ Fᵣₛ = Aₛ Fₛᵣ: a small source at the edge of a large receiver may lie
+    /// between all points of the receiver, and light would be lost.
+    pub fn new(receiver: Side<'a>, source: Side<'a>) -> Option<Self> {
+        let above = |c: &[Vec3; 3], s: &Side| c.iter().any(|&c| (c - s.corners[0]).dot(s.normal) > 0.0);
+        if !above(source.corners, &receiver) || !above(receiver.corners, &source) {
+            return None;
+        }
+        let (area_r, area_s) = (area_of(receiver.corners), area_of(source.corners));
+        let open =
+            if area_s < area_r { (mean_over(&source, &receiver) * (area_s / area_r)).min(1.0) } else { mean_over(&receiver, &source) };
+        (open > 0.0).then_some(Self { receiver, source, open })
     }
-    let (area_r, area_s) = (area_of(receiver.corners), area_of(source.corners));
-    let total = if area_s < area_r { (mean_over(source, receiver) * (area_s / area_r)).min(1.0) } else { mean_over(receiver, source) };
-    if !(total > 0.0) {
-        return Estimate::default();
+
+    /// The factor if nothing were in between.
+    pub fn open(&self) -> f32 {
+        self.open
     }
-    let unlit = total;
-    let total = light.map_or(total, |light| total * brightness_towards(receiver, source, light));
-    // How it is distributed over the receiver's quarters, for the share of rays that pass.
-    let at = at_points(receiver.corners, receiver.normal, source);
-    let quarters = [at[0], at[1], at[2], (at[3] + at[4] + at[5]) / 3.0];
-    let quarters = if quarters.iter().sum::<f32>() > 0.0 { quarters } else { [total; 4] };
-    let height = |p: Vec3| (p - receiver.corners[0]).dot(receiver.normal);
-    let top = source.corners.iter().copied().fold(source.corners[0], |a, b| if height(b) > height(a) { b } else { a });
-    // Of each quarter: what passes, and the light that passes and that starts.
-    let (mut passed, mut arrives, mut starts) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
-    // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
-    let turn = (random.pair(u32::MAX).x * 4.0) as usize;
-    let mut traced = 0u32;
-    let mut trace = |n: u32| {
-        for k in traced..traced + n {
+
+    /// The factor by `rays` from each quarter of the receiver (at least 1): the open one times the share of them that pass, each
+    /// weighted by cosines over squared distance, so that what stands between the near parts of both counts for what it hides.
+    /// `passes` is the share of light that passes between a point of the receiver and one of the source.
+    ///
+    /// How many rays are worth their time must not be decided by what the same rays found, nor whether to refine: a place that one
+    /// ray in ten reaches would lose most of its light, as the estimates that happen to be high would be replaced and those that happen to
+    /// be zero would stay.
+    pub fn trace(&self, rays: u32, random: PairRandom, passes: impl Fn(Vec3, Vec3) -> f32, light: Option<&SourceLight>) -> Estimate {
+        let (receiver, source) = (&self.receiver, &self.source);
+        let height = |p: Vec3| (p - receiver.corners[0]).dot(receiver.normal);
+        let top = source.corners.iter().copied().fold(source.corners[0], |a, b| if height(b) > height(a) { b } else { a });
+        // Of each quarter of the receiver: weights, what passes of them, and the light that passes.
+        let (mut weights, mut passed, mut lit) = ([0.0f32; 4], [0.0f32; 4], [0.0f32; 4]);
+        let (mut count, mut traced) = (0.0f32, 0u32);
+        // Which quarters are paired first is random: a fixed pairing would be wrong in the same way everywhere.
+        let turn = (random.pair(u32::MAX).x * 4.0) as usize;
+        let rays = rays.max(1);
+        for k in 0..rays {
             for i in 0..4 {
                 let at = 4 * k + i as u32;
                 let (u, v) = (random.pair(2 * at), random.pair(2 * at + 1));
@@ -270,28 +282,41 @@ pub fn between_triangles(
                     let above = height(top);
                     to = top + (to - top) * (above / (above - below) * u.x);
                 }
-                let (share, light) = (passes(point_of(&quarter(receiver.corners, i), u), to), light.map_or(1.0, |light| light(to)));
-                passed[i] += share;
-                arrives[i] += share * light;
-                starts[i] += light;
+                let from = point_of(&quarter(receiver.corners, i), u);
+                let d = to - from;
+                let dist2 = d.length_squared();
+                let cosines = d.dot(receiver.normal) * -d.dot(source.normal);
+                // Behind the source, or so near that the numbers end.
+                let weight = if cosines > 0.0 { cosines / (dist2 * dist2) } else { 0.0 };
+                if !(weight > 0.0 && weight.is_finite()) {
+                    continue;
+                }
+                let share = passes(from, to);
+                weights[i] += weight;
+                passed[i] += weight * share;
+                lit[i] += weight * share * light.map_or(1.0, |l| (l.at)(to));
+                count += share;
+                traced += 1;
             }
         }
-        traced += n;
-        (passed.iter().sum::<f32>(), traced)
-    };
-    let (all, n) = trace(rays.max(1));
-    if all > 0.0 && all < 4.0 * n as f32 {
-        trace(3 * rays.max(1));
+        let sum = |v: &[f32; 4]| v.iter().sum::<f32>();
+        let all = sum(&weights);
+        if !(all > 0.0) {
+            // A pair that sees each other at grazing angles only, and of which no ray was above both horizons.
+            return Estimate { open: self.open, spread: self.open, ..Estimate::default() };
+        }
+        let mean = light.map_or(1.0, |l| l.mean);
+        let scale = if mean > 0.0 { 1.0 / mean } else { 0.0 };
+        let at = at_points(receiver.corners, receiver.normal, source);
+        let quarters = [at[0], at[1], at[2], (at[3] + at[4] + at[5]) / 3.0];
+        let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * lit[i] / weights[i].max(1e-30) * scale);
+        let (lo, hi) = values.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), &v| (lo.min(v), hi.max(v)));
+        Estimate {
+            factor: self.open * sum(&lit) / all * scale,
+            spread: hi - lo,
+            geometric: self.open * sum(&passed) / all,
+            open: self.open,
+            passed: count / traced as f32,
+        }
     }
-    let mean = starts.iter().sum::<f32>() / 4.0;
-    let all: f32 = quarters.iter().sum::<f32>() * traced as f32;
-    let geometric = unlit * quarters.iter().zip(&passed).map(|(q, p)| q * p).sum::<f32>() / all.max(1e-30);
-    if !(mean > 0.0) {
-        // Only dark places were met.
-        return Estimate { factor: total * passed.iter().sum::<f32>() / (4 * traced) as f32, spread: 0.0, geometric };
-    }
-    let values: [f32; 4] = std::array::from_fn(|i| quarters[i] * arrives[i] / mean);
-    let (lo, hi) = values.iter().fold((f32::INFINITY, 0.0f32), |(lo, hi), &v| (lo.min(v), hi.max(v)));
-    let share = values.iter().sum::<f32>() / quarters.iter().zip(&starts).map(|(q, s)| q * s / mean).sum::<f32>().max(1e-30);
-    Estimate { factor: total * share, spread: hi - lo, geometric }
 }

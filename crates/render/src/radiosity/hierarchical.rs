@@ -13,7 +13,7 @@
 use rayon::prelude::*;
 
 use super::direct::DirectLights;
-use super::exchange::{Factors, Solved};
+use super::exchange::{Factors, OTHER, Solved};
 use super::mesh::{MAX_LEVEL, Mesh, Node};
 use super::{Limits, Progress};
 use crate::scene::Scene;
@@ -29,10 +29,12 @@ pub struct Link {
     pub source: u32,
     /// Form factor; negative where it is not known yet, as long as the source is dark.
     pub factor: f32,
-    /// Its variation over the receiver; 0 where one of both is a cluster.
+    /// How uncertain it is: its variation over the receiver, and what the rays may have missed.
     pub spread: f32,
     /// The factor that does not know how unevenly the source shines.
     pub geometric: f32,
+    /// Rays that are worth it, from each quarter of the receiver.
+    pub rays: u32,
 }
 
 /// Settings of the method.
@@ -50,10 +52,16 @@ pub struct Options {
 const ROUNDS: [f32; 5] = [8.0, 4.0, 2.0, 1.0, 1.0];
 /// From this round on it is known well enough how light is spread over sources: their factors stay.
 const LIGHT_KNOWN: usize = 4;
+/// Rounds at the end in which factors are found by rays that had no say in the refinement.
+const FRESH_ROUNDS: usize = 2;
+/// Rays from each quarter of a receiver at most.
+const MOST_RAYS: u32 = 16;
 /// How uncertain a factor is where the receiver is as large as its distance from the source.
 const NEAR_ERROR: f32 = 0.4;
 /// How uncertain a cluster's factor is: times its diameter over the distance.
 const CLUSTER_ERROR: f32 = 2.0;
+/// What a cluster's factor may be where all rays to it were blocked, over the factor without anything in between.
+const UNSEEN: f32 = 0.1;
 /// Bounces of a solution at most.
 const MAX_BOUNCES: u32 = 400;
 /// A solution ends when a bounce changes less than this share of all light.
@@ -105,7 +113,7 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         scene,
         lights,
         solved,
-        links: vec![Link { receiver: 0, source: 0, factor: -1.0, spread: 0.0, geometric: 0.0 }],
+        links: vec![Link { receiver: 0, source: 0, factor: -1.0, spread: 0.0, geometric: 0.0, rays: 1 }],
         seed: options.seed,
         reference: 0.0,
         lit_area: 0.0,
@@ -127,6 +135,12 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         }
         state.refine(*scale, &options.limits, progress);
         state.converge(progress);
+    }
+    for _ in 0..FRESH_ROUNDS {
+        if !progress.is_cancelled() {
+            state.find_anew();
+            state.converge(progress);
+        }
     }
     progress.tell("radiosity", 1.0);
     Ok(state.finish(options))
@@ -167,6 +181,27 @@ impl State<'_> {
     fn forget_spread(&mut self) {
         let nodes = &self.solved.mesh.nodes;
         self.links.par_iter_mut().filter(|l| !nodes[l.source as usize].is_leaf()).for_each(|l| l.factor = -1.0);
+    }
+
+    /// Finds the factors of all links by rays that had no say in the refinement. Links whose first rays happened to find too much have
+    /// been refined, and those that happened to find nothing have not: what is left of the first rays is too dark.
+    fn find_anew(&mut self) {
+        let factors = Factors { scene: self.scene, mesh: &self.solved.mesh, seed: self.seed ^ OTHER };
+        let (nodes, radiosity) = (&self.solved.mesh.nodes, &self.solved.radiosity);
+        self.links.par_iter_mut().for_each(|l| {
+            if !(radiosity[l.source as usize].average() > 0.0) || l.rays == 0 {
+                return;
+            }
+            let has_cluster = nodes[l.receiver as usize].is_cluster() || nodes[l.source as usize].is_cluster();
+            let e = if has_cluster {
+                factors.clusters(l.receiver, l.source, l.rays as f32, radiosity)
+            } else if let Some(pair) = factors.pair(l.receiver, l.source) {
+                factors.trace(&pair, l.receiver, l.source, l.rays, radiosity)
+            } else {
+                return;
+            };
+            (l.factor, l.geometric) = (e.factor, e.geometric);
+        });
     }
 
     /// Refines links until all are good enough for `scale` times the error.
@@ -211,7 +246,7 @@ impl State<'_> {
             let nodes = &self.solved.mesh.nodes;
             let mut next = Vec::new();
             for (l, d) in decided {
-                let new = |receiver, source| Link { receiver, source, factor: -1.0, spread: 0.0, geometric: 0.0 };
+                let new = |receiver, source| Link { receiver, source, factor: -1.0, spread: 0.0, geometric: 0.0, rays: 1 };
                 match d {
                     Decision::Keep => settled.push(l),
                     Decision::Drop => {}
@@ -272,7 +307,7 @@ impl State<'_> {
                 return (l, self.split_larger(&l, r, s));
             }
             // So little light that where it goes does not matter.
-            l.factor = 0.0;
+            (l.factor, l.rays) = (0.0, 0);
             return (l, Decision::Keep);
         }
         if l.factor < 0.0 {
@@ -281,21 +316,32 @@ impl State<'_> {
                 (s.radius * s.radius / (dist * dist).max(1e-30)).min(s.area / (std::f32::consts::PI * dist * dist).max(1e-30)).min(1.0);
             let importance = b * most * weight / threshold.max(1e-30);
             let factors = Factors { scene: self.scene, mesh: &self.solved.mesh, seed: self.seed };
-            let e = if has_cluster {
-                factors.clusters(l.receiver, l.source, importance, &self.solved.radiosity)
+            if has_cluster {
+                let e = factors.clusters(l.receiver, l.source, importance, &self.solved.radiosity);
+                (l.factor, l.geometric, l.rays) = (e.factor, e.geometric, if importance > 1.0 { 2 } else { 1 });
+                l.spread = e.factor.max(UNSEEN * e.open);
             } else {
-                factors.elements(l.receiver, l.source, (importance.min(4.0) as u32).clamp(1, 4), &self.solved.radiosity)
-            };
-            (l.factor, l.spread, l.geometric) = (e.factor, e.spread, e.geometric);
+                let Some(pair) = factors.pair(l.receiver, l.source) else { return (l, Decision::Drop) };
+                let importance = b * pair.open() * weight / threshold.max(1e-30);
+                l.rays = ((0.25 * importance) as u32).clamp(1, MOST_RAYS);
+                let e = factors.trace(&pair, l.receiver, l.source, l.rays, &self.solved.radiosity);
+                (l.factor, l.geometric) = (e.factor, e.geometric);
+                // One more ray might have found what the others did not.
+                let missed = e.open / (4 * l.rays + 2) as f32;
+                l.spread = e.spread.max(missed);
+                if e.is_mixed() {
+                    l.rays = (4 * l.rays).min(MOST_RAYS);
+                }
+            }
         }
         let of_receiver = match (r.is_cluster(), s.is_cluster()) {
-            (true, _) => l.factor * CLUSTER_ERROR * 2.0 * r.radius / dist,
-            (_, true) => l.factor * 2.0 * r.radius / dist,
+            (true, _) => l.spread * CLUSTER_ERROR * 2.0 * r.radius / dist,
+            (_, true) => l.spread * 2.0 * r.radius / dist,
             // A source near a receiver that is larger than their distance may fall between the points at which its factor was found.
             _ => l.spread.max(l.factor * (NEAR_ERROR * (r.radius / dist.max(1e-30)).min(1.0).powi(2)).max(0.01)),
         };
         let of_source = if s.is_cluster() {
-            l.factor * b * CLUSTER_ERROR * 2.0 * s.radius / dist
+            l.spread * b * CLUSTER_ERROR * 2.0 * s.radius / dist
         } else {
             let uneven = s.children().map(|c| (self.solved.radiosity[c as usize].average() - b).abs()).fold(0.0, f32::max);
             // Not the factor in use, which is small where the dark part of a source is near: that is found by few points of it.

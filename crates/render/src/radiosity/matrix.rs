@@ -65,7 +65,7 @@ impl FactorMatrix {
                     }
                     for (value, &s) in row.iter_mut().zip(leaves) {
                         if r != s {
-                            *value = f.elements(r, s, 1, &[]).factor;
+                            *value = f.elements(r, s, &[]);
                         }
                     }
                     step();
@@ -186,7 +186,8 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
         Solver::Jacobi => format!("{iterations} Jacobi iterations"),
     };
     let note = format!("matrix: {} faces, {n} elements, {} form factors, {how}", mesh.face_nodes.len(), n * n);
-    Solved { mesh, direct, irradiance, radiosity, row_sums, reciprocity: factors.reciprocity(&areas), notes: vec![note] }
+    let reciprocity = factors.reciprocity(&areas);
+    Solved { mesh, direct, irradiance, radiosity, row_sums, reciprocity, notes: vec![note], ..Solved::default() }
 }
 
 /// One row of F times B.

@@ -14,6 +14,7 @@ pub mod face;
 pub mod form_factor;
 pub mod hemicube;
 pub mod hierarchical;
+pub mod local;
 pub mod material;
 pub mod matrix;
 pub mod mesh;
@@ -102,6 +103,8 @@ pub struct Settings {
     pub error: f32,
     /// Limits.
     pub limits: Limits,
+    /// Rays of each element in the [`local`] pass; 0 for none, `None` for as many as are worth it.
+    pub rays: Option<u32>,
     /// Edge of a hemicube's top in pixels.
     pub hemicube: u32,
     /// The share of all light that `progressive` may leave unshot.
@@ -118,6 +121,7 @@ impl Default for Settings {
             solver: Solver::default(),
             error: DEFAULT_ERROR,
             limits: Limits { elements: DEFAULT_ELEMENTS, links: DEFAULT_LINKS },
+            rays: None,
             hemicube: 256,
             unshot: 1e-3,
             seed: 0,
@@ -125,8 +129,12 @@ impl Default for Settings {
     }
 }
 
+/// Elements that the local pass subdivides to where a solver has fewer.
+pub const LOCAL_ELEMENTS: usize = 60_000;
+/// Elements of the local pass for each element that `matrix` and `progressive` may have.
+pub const LOCAL_PARTS: usize = 10;
 /// Error of links where the user gives none.
-pub const DEFAULT_ERROR: f32 = 4e-4;
+pub const DEFAULT_ERROR: f32 = 2e-3;
 /// Most elements of the hierarchical method.
 pub const DEFAULT_ELEMENTS: usize = 2_000_000;
 /// Most links.
@@ -186,7 +194,8 @@ impl Settings {
             ));
         }
         let links = s.radiosity_links.map_or(DEFAULT_LINKS, |n| n as usize);
-        Ok(Self { method, form_factors, solver, error, limits: Limits { elements, links }, seed: s.seed, ..default })
+        let limits = Limits { elements, links };
+        Ok(Self { method, form_factors, solver, error, limits, rays: s.radiosity_rays, seed: s.seed, ..default })
     }
 }
 
@@ -302,6 +311,11 @@ pub fn solve(scene: &Scene, settings: &Settings, display: Display, progress: &Pr
         }
     };
     notes.append(&mut solved.notes);
+    // The coarse patches of the methods that know all pairs get light more finely than they send it.
+    let finer = if settings.method == Method::Hierarchical { 1 } else { LOCAL_PARTS };
+    let elements = (finer * settings.limits.elements).min(LOCAL_ELEMENTS);
+    let options = local::Options { rays: settings.rays, elements, seed };
+    notes.extend(local::refine(scene, &lights, &mut solved, &options, progress));
     notes.extend(report::of_solution(&solved));
     let smooth = Smooth::new(scene, &mut solved);
     Ok(Solution { solved, smooth, display, notes })

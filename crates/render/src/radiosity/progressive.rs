@@ -71,10 +71,12 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
             progress.tell("radiosity", 1.0 - (left / first.max(1e-300)).min(1.0));
         }
         let source = patches.patches[p];
+        // Of nodes that are no leaves only the one that shoots needs a value: its mean.
+        unshot[source as usize] = patches.mean(&mesh, p, &unshot);
         let factors: Vec<f32> = match &hemicube {
             None => {
                 let f = Factors { scene, mesh: &mesh, seed: options.seed };
-                leaves.par_iter().map(|&r| f.elements(r, source, 1, &unshot).factor).collect()
+                leaves.par_iter().map(|&r| f.elements(r, source, &unshot)).collect()
             }
             Some(cube) => {
                 // The share of the source's view, turned round by Aᵢ Fᵢⱼ = Aⱼ Fⱼᵢ.
@@ -83,7 +85,9 @@ pub fn solve(scene: &Scene, mesh: Mesh, lights: &DirectLights, options: &Options
                 of_source.iter().zip(&leaves).map(|(f, &r)| (f * node.area / mesh.nodes[r as usize].area).min(1.0)).collect()
             }
         };
-        let sent = patches.take(&mesh, p, &mut unshot);
+        let sent = unshot[source as usize];
+        unshot[source as usize] = Spectrum::ZERO;
+        patches.leaves[p].iter().for_each(|&i| unshot[i as usize] = Spectrum::ZERO);
         for (&r, f) in leaves.iter().zip(factors) {
             if f > 0.0 {
                 let i = r as usize;
@@ -167,14 +171,13 @@ impl Patches {
         total(mesh, &self.leaves[p], unshot)
     }
 
-    /// Takes the unshot light; returns its mean radiosity.
-    fn take(&self, mesh: &Mesh, p: usize, unshot: &mut [Spectrum]) -> Spectrum {
+    /// Mean unshot radiosity.
+    fn mean(&self, mesh: &Mesh, p: usize, unshot: &[Spectrum]) -> Spectrum {
         let (mut sum, mut area) = (Spectrum::ZERO, 0.0);
         for &i in &self.leaves[p] {
             let a = mesh.nodes[i as usize].area;
             sum += unshot[i as usize] * a;
             area += a;
-            unshot[i as usize] = Spectrum::ZERO;
         }
         if area > 0.0 { sum / area } else { Spectrum::ZERO }
     }

@@ -89,6 +89,8 @@ impl Smooth {
             .collect();
         around.par_sort_unstable_by_key(|a| (a.key, a.leaf, a.slot));
         let own = |a: &Around| solved.irradiance[leaves[a.leaf as usize] as usize];
+        // The floor under a wall must not darken what is before the wall.
+        let is_buried = |a: &Around| solved.buried.get(leaves[a.leaf as usize] as usize).copied().unwrap_or(false);
         let found: Vec<Spectrum> = around
             .par_iter()
             .enumerate()
@@ -101,7 +103,7 @@ impl Smooth {
                 }
                 let (mut sum, mut weight) = (Spectrum::ZERO, 0.0);
                 for b in &group[..count] {
-                    if a.normal.dot(b.normal) >= SMOOTH {
+                    if a.normal.dot(b.normal) >= SMOOTH && !is_buried(b) {
                         sum += own(b) * b.weight;
                         weight += b.weight;
                     }
@@ -124,6 +126,13 @@ impl Smooth {
         let mut of_node = vec![NONE; solved.mesh.nodes.len()];
         leaves.iter().enumerate().for_each(|(k, &i)| of_node[i as usize] = k as u32);
         Self { of_node, values }
+    }
+
+    /// Least and largest irradiance (mean of the colors) at the vertices of a leaf.
+    pub fn range(&self, leaf: u32) -> (f32, f32) {
+        let Some(v) = self.of_node.get(leaf as usize).and_then(|&k| self.values.get(k as usize)) else { return (0.0, 0.0) };
+        let mean = |c: &[f32; 3]| (c[0] + c[1] + c[2]) / 3.0;
+        v[..3].iter().map(mean).fold((f32::INFINITY, 0.0), |(lo, hi), m| (lo.min(m), hi.max(m)))
     }
 
     /// Irradiance of a leaf at barycentric weights.
@@ -158,18 +167,8 @@ fn balance(scene: &Scene, solved: &mut Solved) {
         if coarse.is_empty() {
             return;
         }
-        let first = solved.mesh.subdivide(scene, &coarse);
-        for i in first as usize..solved.mesh.nodes.len() {
-            let node = &solved.mesh.nodes[i];
-            let parent = node.parent as usize;
-            solved.irradiance.push(solved.irradiance[parent]);
-            solved.direct.push(solved.direct[parent]);
-            solved.radiosity.push(node.emission + node.reflectance * solved.irradiance[parent]);
-            if let Some(&sum) = solved.row_sums.get(parent) {
-                solved.row_sums.push(sum);
-            }
-            corners.extend(node.corners.map(key));
-        }
+        let first = solved.subdivide(scene, &coarse);
+        corners.extend(solved.mesh.nodes[first as usize..].iter().flat_map(|n| n.corners.map(key)));
         // A new vertex may make any leaf too coarse.
         candidates = solved.mesh.leaves();
     }
