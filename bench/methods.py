@@ -1,11 +1,11 @@
 """Do all methods make the same picture? Z-tests between them, on scenes that all of them can render.
 
 Renders each scene with a reference method (`path`; `bdpt` where small lamps shine through glass) and with the others, with several
-seeds, and compares means over blocks of the picture: a difference is measured in its own standard error, found from the spread between seeds.
-Prints a Markdown table: the deviation of the whole picture's mean and how many standard errors that is (Z), the noise of a block, the share of
-blocks beyond three standard errors (1% by chance with 8 seeds), the largest t of a block after the stated allowance. Ends with code 1
-where any block of any method differs by more than chance (1% for the whole picture, Šidák's correction for its blocks) and the
-allowance explain.
+seeds, and compares means over blocks of the picture: a difference is measured in its own standard error, found from the spread between
+seeds. Prints a Markdown table: the deviation of the whole picture's mean and how many standard errors that is (Z), the noise of a block,
+the share of blocks beyond three standard errors (1% by chance with 8 seeds), the largest t of a block after the stated allowance. Ends
+with code 1 where any block of any method differs by more than chance (1% for the whole picture, Šidák's correction for its blocks) and
+the allowance explain.
 
 Methods with a blur (`sppm`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
 `sppm` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
@@ -249,7 +249,7 @@ def main() -> None:
     args = parser.parse_args()
     args.search = []
     good = True
-    sys.stdout.write("| scene | method | mean | Z | noise of a block | blocks beyond 3σ | largest t | |\n|---|---|---|---|---|---|---|---|\n")
+    sys.stdout.write("| scene | method | mean | Z | noise of a block | blocks beyond 3σ | largest t | |\n" + "|---" * 8 + "|\n")
     with tempfile.TemporaryDirectory() as temporary:
         runner = Runner(args, Path(temporary))
         scenes = []
