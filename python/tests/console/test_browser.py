@@ -112,6 +112,19 @@ def wait_for_state(page, *states: str) -> None:
     until(page, "states => states.includes(document.body.dataset.state)", list(states))
 
 
+def go_by_keys(page, key: str, selector: str) -> None:
+    """Go to a page by `g` and a key; again where a busy machine took more than 1.5 s between both."""
+    for _ in range(10):
+        page.keyboard.press("g")
+        page.keyboard.press(key)
+        try:
+            page.wait_for_selector(selector, timeout=WAIT_MS / 10)
+        except playwright.TimeoutError:
+            continue
+        return
+    raise AssertionError(selector)
+
+
 def cancel(page) -> None:
     page.click("#do-cancel")
     page.click("dialog button:has-text('Cancel the rendering')")
@@ -151,9 +164,7 @@ def test_from_signing_in_to_the_file(site: str, watched: Watched, farm: Farm, tm
     assert page.text_content("#who") == "ada"
 
     # A file that is no scene is refused with a sentence; then one that is.
-    page.keyboard.press("g")
-    page.keyboard.press("s")
-    page.wait_for_selector("#drop")
+    go_by_keys(page, "s", "#drop")
     page.set_input_files("#file", {"name": "notes.txt", "mimeType": "text/plain", "buffer": b"hello"})
     page.wait_for_selector("#main > .fault:visible")
     assert "zip files or single scenes" in page.text_content("#main > .fault")
