@@ -261,7 +261,7 @@ def main() -> None:
             args.search = ["-L", str(args.folder)]
             for name in SHARED:
                 # Lamps smaller than a pixel would be most of the noise where the camera sees them.
-                text = (args.folder / f"{name}.xml").read_text(encoding="utf-8").replace("<integrator type=\"path\">", HIDDEN, 1)
+                text = (args.folder / f"{name}.xml").read_text(encoding="utf-8").replace('<integrator type="path">', HIDDEN, 1)
                 (Path(temporary) / f"{name}.xml").write_text(text, encoding="utf-8")
             scenes += [(name, Path(temporary) / f"{name}.xml", methods, 1.0, reference) for name, (methods, reference) in SHARED.items()]
         for name, path, methods, unit, reference in scenes:

@@ -150,7 +150,8 @@ def speed(etendue: str, references: dict[str, Reference], folder: Path, charts: 
             seconds, mean, errors, _ = solve(etendue, reference, method, arguments, folder)
             error = math.sqrt(np.mean(errors**2))
             points.setdefault(method, []).append((seconds, error))
-            print(f"| {method} | {' '.join(arguments).replace('--radiosity-', '')} | {seconds:.2f} | {mean:+.2%} | {error:.2%} |", flush=True)
+            setting = " ".join(arguments).replace("--radiosity-", "")
+            print(f"| {method} | {setting} | {seconds:.2f} | {mean:+.2%} | {error:.2%} |", flush=True)
     (charts / "speed.svg").write_text(chart(points, "s", "%", 100), encoding="utf-8")
 
 
