@@ -58,35 +58,30 @@ class Scene:
     def view(self, camera: str | None) -> tuple[list[list[float]], float]: ...
     def with_view(self, world_from_camera: Sequence[Sequence[float]], zoom: float) -> Scene: ...
 
+class Parts:
+    """What is cut into parts for a farm's workers: rectangles of pixels with ranges of samples."""
+
+    width: int
+    height: int
+    crop: tuple[int, int, int, int]
+    spp: int
+    is_adaptive: bool
+    splats: bool
+    has_costly_passes: bool
+    warnings: list[str]
+    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
+
 @final
-class Prepared:
+class Prepared(Parts):
     """A compiled scene with its settings, from which parts of the picture are rendered one after the other."""
 
-    width: int
-    height: int
-    crop: tuple[int, int, int, int]
-    spp: int
-    is_adaptive: bool
-    splats: bool
-    has_costly_passes: bool
     integrator: str
     scene_hash: str
-    warnings: list[str]
-    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
 
 @final
-class PreparedBake:
+class PreparedBake(Parts):
     """A scene that is ready to be baked, of which some points are sampled at a time; points lie in one row of pixels."""
 
-    width: int
-    height: int
-    crop: tuple[int, int, int, int]
-    spp: int
-    is_adaptive: bool
-    splats: bool
-    has_costly_passes: bool
-    warnings: list[str]
-    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
     def finish(
         self,
         part: bytes,
@@ -100,18 +95,8 @@ class PreparedBake:
     ) -> tuple[list[Path], list[str], float, _Array | None]: ...
 
 @final
-class PreparedPhotons:
+class PreparedPhotons(Parts):
     """A compiled scene whose photons are traced, some at a time: a picture of one pixel whose samples are photons."""
-
-    width: int
-    height: int
-    crop: tuple[int, int, int, int]
-    spp: int
-    is_adaptive: bool
-    splats: bool
-    has_costly_passes: bool
-    warnings: list[str]
-    def render(self, rect: Sequence[int], begin: int, end: int, should_stop: Callable[[], bool] | None = None) -> bytes | None: ...
 
 def part_merge(parts: Sequence[bytes], memory_mib: int) -> bytes: ...
 def part_info(part: bytes) -> dict[str, Any]: ...

@@ -15,6 +15,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict};
 
+use crate::parts::Parts;
 use crate::places::Places;
 use crate::{background, errors, layers};
 
@@ -27,38 +28,13 @@ struct Alone;
 impl Observer for Alone {}
 impl Watcher for Alone {}
 
-/// A scene that is ready to be baked, of which some points are sampled at a time. Points lie in one row, so that parts have rectangles
-/// of "pixels" as those of pictures have.
-#[pyclass(frozen, module = "etendue._etendue")]
+/// A scene that is ready to be baked, of which some points, texels or vertices, are sampled at a time.
+#[pyclass(frozen, extends = Parts, module = "etendue._etendue")]
 pub struct PreparedBake {
     bake: Arc<Bake>,
     method: Arc<Method>,
     pool: Arc<rayon::ThreadPool>,
     name: String,
-    /// Number of points: texels or vertices.
-    #[pyo3(get)]
-    width: u32,
-    /// One row.
-    #[pyo3(get)]
-    height: u32,
-    /// All points: x0, y0, x1, y1.
-    #[pyo3(get)]
-    crop: (u32, u32, u32, u32),
-    /// Samples of each point.
-    #[pyo3(get)]
-    spp: u32,
-    /// A part has all samples of its points.
-    #[pyo3(get)]
-    is_adaptive: bool,
-    /// Points get their own light alone.
-    #[pyo3(get)]
-    splats: bool,
-    /// Parts may be small.
-    #[pyo3(get)]
-    has_costly_passes: bool,
-    /// What was left out or changed, and what the solver says.
-    #[pyo3(get)]
-    warnings: Vec<String>,
 }
 
 fn bake_error(py: Python<'_>, e: &BakeError, desc: &SceneDesc, places: &Places) -> PyErr {
@@ -105,7 +81,7 @@ impl PreparedBake {
         settings: RenderSettings,
         threads: usize,
         given: &Bound<'_, PyDict>,
-    ) -> PyResult<Self> {
+    ) -> PyResult<Py<Self>> {
         let (name, gather, options) = options(py, given)?;
         let pool = background::pool(py, threads)?;
         let (worker, worker_desc, worker_name) = (Arc::clone(&pool), Arc::clone(desc), name.clone());
@@ -127,20 +103,10 @@ impl PreparedBake {
         let (bake, method, spp, warnings) = made.map_err(|e| bake_error(py, &e, desc, places))?;
         let points = u32::try_from(bake.point_count()).ok().filter(|n| *n > 0);
         let width = points.ok_or_else(|| errors::error(py, "SceneError", "the scene has no surface to bake, or too many points".into()))?;
-        Ok(Self {
-            bake: Arc::new(bake),
-            method: Arc::new(method),
-            pool,
-            name,
-            width,
-            height: 1,
-            crop: (0, 0, width, 1),
-            spp,
-            is_adaptive: true,
-            splats: false,
-            has_costly_passes: false,
-            warnings,
-        })
+        // A point has all of its samples in one part, and gets its own light alone.
+        let parts =
+            Parts { width, height: 1, crop: (0, 0, width, 1), spp, is_adaptive: true, splats: false, has_costly_passes: false, warnings };
+        Py::new(py, (Self { bake: Arc::new(bake), method: Arc::new(method), pool, name }, parts))
     }
 }
 
@@ -150,18 +116,19 @@ impl PreparedBake {
     /// times a second, has returned True.
     #[pyo3(signature = (rect, begin, end, should_stop=None))]
     fn render<'py>(
-        &self,
+        slf: PyRef<'py, Self>,
         py: Python<'py>,
         rect: [u32; 4],
         begin: u32,
         end: u32,
         should_stop: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Option<Bound<'py, PyBytes>>> {
-        if begin != 0 || end == 0 || rect[0] >= rect[2] || rect[2] > self.width || (rect[1], rect[3]) != (0, 1) {
-            let text = format!("a part of this bake has samples from 0 on of some of {} points", self.width);
+        let width = slf.as_super().width;
+        if begin != 0 || end == 0 || rect[0] >= rect[2] || rect[2] > width || (rect[1], rect[3]) != (0, 1) {
+            let text = format!("a part of this bake has samples from 0 on of some of {width} points");
             return Err(errors::error(py, "SettingError", text));
         }
-        let (bake, method, pool) = (Arc::clone(&self.bake), Arc::clone(&self.method), Arc::clone(&self.pool));
+        let (bake, method, pool) = (Arc::clone(&slf.bake), Arc::clone(&slf.method), Arc::clone(&slf.pool));
         let cancel = Cancel::default();
         let worker = cancel.clone();
         let work = move || {

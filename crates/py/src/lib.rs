@@ -34,7 +34,7 @@ mod _etendue {
     #[pymodule_export]
     use super::images::{compare, flip_map, read_layers, tonemap, write_layers};
     #[pymodule_export]
-    use super::parts::Prepared;
+    use super::parts::{Parts, Prepared};
     #[pymodule_export]
     use super::photons::PreparedPhotons;
     #[pymodule_export]

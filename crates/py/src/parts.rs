@@ -18,42 +18,48 @@ enum Fault {
     Session(SessionError),
 }
 
+/// What is cut into parts for a farm's workers: rectangles of pixels with ranges of samples. Points of a bake lie in one row of pixels; a
+/// photon map is one pixel whose samples are photons.
+#[pyclass(frozen, subclass, module = "etendue._etendue")]
+pub struct Parts {
+    /// Pixels in a row of the full picture.
+    #[pyo3(get)]
+    pub width: u32,
+    /// Rows of the full picture.
+    #[pyo3(get)]
+    pub height: u32,
+    /// The pixels of the picture: x0, y0, x1, y1.
+    #[pyo3(get)]
+    pub crop: (u32, u32, u32, u32),
+    /// Samples per pixel that settings and file ask for.
+    #[pyo3(get)]
+    pub spp: u32,
+    /// Whether a part has all samples of its pixels, as where pixels that look like their neighbors take one sample.
+    #[pyo3(get)]
+    pub is_adaptive: bool,
+    /// Whether samples give light to other pixels: then a part is the whole picture.
+    #[pyo3(get)]
+    pub splats: bool,
+    /// Whether each range of samples begins with work of its own, such as new particles: then a part is better the whole picture.
+    #[pyo3(get)]
+    pub has_costly_passes: bool,
+    /// What the method has chosen or found, and what the scene names and could not be loaded.
+    #[pyo3(get)]
+    pub warnings: Vec<String>,
+}
+
 /// A compiled scene with its settings, from which parts of the picture are rendered one after the other.
-#[pyclass(frozen, module = "etendue._etendue")]
+#[pyclass(frozen, extends = Parts, module = "etendue._etendue")]
 pub struct Prepared {
     /// `None` while a part is being rendered, and after an error.
     session: Arc<Mutex<Option<Session>>>,
     pool: Arc<rayon::ThreadPool>,
-    /// Pixels in a row of the full picture.
-    #[pyo3(get)]
-    width: u32,
-    /// Rows of the full picture.
-    #[pyo3(get)]
-    height: u32,
-    /// The pixels of the picture: x0, y0, x1, y1.
-    #[pyo3(get)]
-    crop: (u32, u32, u32, u32),
-    /// Samples per pixel that settings and file ask for.
-    #[pyo3(get)]
-    spp: u32,
-    /// Whether pixels that look like their neighbors take one sample: then a part has all of its samples.
-    #[pyo3(get)]
-    is_adaptive: bool,
-    /// Whether samples give light to other pixels: then a part is the whole picture.
-    #[pyo3(get)]
-    splats: bool,
-    /// Whether each range of samples begins with work of its own, such as new particles: then a part is better the whole picture.
-    #[pyo3(get)]
-    has_costly_passes: bool,
     /// Name of the integrator.
     #[pyo3(get)]
     integrator: String,
     /// A hash of all that the picture depends on.
     #[pyo3(get)]
     scene_hash: String,
-    /// What the method has chosen or found, and what the scene names and could not be loaded.
-    #[pyo3(get)]
-    warnings: Vec<String>,
 }
 
 impl Prepared {
@@ -69,7 +75,7 @@ impl Prepared {
         threads: usize,
         aovs: &[String],
         fixed_spp: bool,
-    ) -> PyResult<Self> {
+    ) -> PyResult<Py<Self>> {
         let job_error = |e: JobError| errors::job_error(py, &e, &desc.files, places);
         let (aovs, _) = Aov::parse_list(aovs).map_err(|e| errors::error(py, "SettingError", e))?;
         let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
@@ -96,7 +102,7 @@ impl Prepared {
         })?;
         session.set_scene_hash(scene_hash.clone());
         let Rect { x0, y0, x1, y1 } = plan.crop;
-        Ok(Self {
+        let parts = Parts {
             width: plan.width,
             height: plan.height,
             crop: (x0, y0, x1, y1),
@@ -104,12 +110,9 @@ impl Prepared {
             is_adaptive: plan.antialias.is_some(),
             splats: session.splats(),
             has_costly_passes: session.has_costly_passes(),
-            integrator: plan.integrator,
             warnings: [session.notes(), session.warnings().to_vec()].concat(),
-            session: Arc::new(Mutex::new(Some(session))),
-            scene_hash,
-            pool,
-        })
+        };
+        Py::new(py, (Self { integrator: plan.integrator, session: Arc::new(Mutex::new(Some(session))), scene_hash, pool }, parts))
     }
 }
 
@@ -119,7 +122,7 @@ impl Prepared {
     /// called some 20 times a second, has returned True.
     #[pyo3(signature = (rect, begin, end, should_stop=None))]
     fn render<'py>(
-        &self,
+        slf: PyRef<'py, Self>,
         py: Python<'py>,
         rect: [u32; 4],
         begin: u32,
@@ -127,7 +130,9 @@ impl Prepared {
         should_stop: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Option<Bound<'py, PyBytes>>> {
         let rect = Rect::new(rect[0], rect[1], rect[2], rect[3]);
-        let whole = Rect::new(self.crop.0, self.crop.1, self.crop.2, self.crop.3);
+        let (this, parts) = (&*slf, slf.as_super());
+        let (x0, y0, x1, y1) = parts.crop;
+        let whole = Rect::new(x0, y0, x1, y1);
         let setting = |message: String| errors::error(py, "SettingError", message);
         if begin >= end {
             return Err(setting(format!("a part has samples: not {begin}..{end}")));
@@ -135,19 +140,19 @@ impl Prepared {
         if rect.area() == 0 || !whole.contains_rect(&rect) {
             return Err(setting(format!("the pixels {rect} are not within the picture's {whole}")));
         }
-        if self.splats && rect != whole {
-            return Err(setting(format!("`{}` gives light to all pixels: its parts are the whole picture", self.integrator)));
+        if parts.splats && rect != whole {
+            return Err(setting(format!("`{}` gives light to all pixels: its parts are the whole picture", this.integrator)));
         }
-        if self.is_adaptive && (begin, end) != (0, self.spp) {
-            return Err(setting(format!("with antialiasing a part has all samples 0..{}, not {begin}..{end}", self.spp)));
+        if parts.is_adaptive && (begin, end) != (0, parts.spp) {
+            return Err(setting(format!("with antialiasing a part has all samples 0..{}, not {begin}..{end}", parts.spp)));
         }
-        let taken = self.session.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let taken = this.session.lock().unwrap_or_else(PoisonError::into_inner).take();
         let mut session = taken.ok_or_else(|| errors::error(py, "Error", "another part is being rendered, or has failed".to_owned()))?;
         if let Err(e) = session.set_part(rect, begin) {
-            *self.session.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
+            *this.session.lock().unwrap_or_else(PoisonError::into_inner) = Some(session);
             return Err(setting(e.to_string()));
         }
-        let (pool, slot, cancel) = (Arc::clone(&self.pool), Arc::clone(&self.session), Cancel::default());
+        let (pool, slot, cancel) = (Arc::clone(&this.pool), Arc::clone(&this.session), Cancel::default());
         let stop = Stop { spp: Some(end - begin), ..Stop::default() };
         let worker_cancel = cancel.clone();
         let work = move || {

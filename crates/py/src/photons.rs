@@ -10,55 +10,27 @@ use etendue_scene::{RenderSettings, SceneDesc};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 
+use crate::parts::Parts;
 use crate::places::Places;
 use crate::{background, errors};
 
-/// A compiled scene whose photons are traced, some at a time. A map is a picture of one pixel whose samples are photons.
-#[pyclass(frozen, module = "etendue._etendue")]
+/// A compiled scene whose photons are traced, some at a time.
+#[pyclass(frozen, extends = Parts, module = "etendue._etendue")]
 pub struct PreparedPhotons {
     scene: Arc<Scene>,
     pool: Arc<rayon::ThreadPool>,
     info: MapInfo,
     budget: u64,
-    /// One.
-    #[pyo3(get)]
-    width: u32,
-    /// One.
-    #[pyo3(get)]
-    height: u32,
-    /// The one pixel.
-    #[pyo3(get)]
-    crop: (u32, u32, u32, u32),
-    /// Number of photons.
-    #[pyo3(get)]
-    spp: u32,
-    /// Parts have any photons.
-    #[pyo3(get)]
-    is_adaptive: bool,
-    /// There is one pixel.
-    #[pyo3(get)]
-    splats: bool,
-    /// Parts may be small.
-    #[pyo3(get)]
-    has_costly_passes: bool,
-    /// What photons do not do in this scene.
-    #[pyo3(get)]
-    warnings: Vec<String>,
 }
 
 impl PreparedPhotons {
     /// Compiles.
-    pub fn new(py: Python<'_>, desc: &Arc<SceneDesc>, places: &Places, settings: &RenderSettings, threads: usize) -> PyResult<Self> {
+    pub fn new(py: Python<'_>, desc: &Arc<SceneDesc>, places: &Places, settings: &RenderSettings, threads: usize) -> PyResult<Py<Self>> {
         let pool = background::pool(py, threads)?;
         let (worker, worker_desc) = (Arc::clone(&pool), Arc::clone(desc));
         let work = move || worker.install(|| job::compile_for_photons(&worker_desc));
         let scene = background::run(py, None, work, |_| Ok(()))?.map_err(|e| errors::job_error(py, &e, &desc.files, places))?;
-        Ok(Self {
-            warnings: photon_limits(&scene),
-            scene: Arc::new(scene),
-            pool,
-            info: MapInfo { scene_hash: desc.light_hash(), seed: settings.seed, max_depth: settings.max_depth },
-            budget: u64::from(settings.photon_memory) << 20,
+        let parts = Parts {
             width: 1,
             height: 1,
             crop: (0, 0, 1, 1),
@@ -66,7 +38,10 @@ impl PreparedPhotons {
             is_adaptive: false,
             splats: false,
             has_costly_passes: false,
-        })
+            warnings: photon_limits(&scene),
+        };
+        let info = MapInfo { scene_hash: desc.light_hash(), seed: settings.seed, max_depth: settings.max_depth };
+        Py::new(py, (Self { scene: Arc::new(scene), pool, info, budget: u64::from(settings.photon_memory) << 20 }, parts))
     }
 }
 

@@ -90,7 +90,7 @@ impl Scene {
         threads: usize,
         aovs: Vec<String>,
         fixed_spp: bool,
-    ) -> PyResult<Prepared> {
+    ) -> PyResult<Py<Prepared>> {
         if self.view.is_some() {
             return Err(errors::error(py, "SettingError", "a scene with a moved camera cannot be prepared for a farm".to_owned()));
         }
@@ -104,12 +104,12 @@ impl Scene {
         settings: &Bound<'_, PyDict>,
         threads: usize,
         options: &Bound<'_, PyDict>,
-    ) -> PyResult<PreparedBake> {
+    ) -> PyResult<Py<PreparedBake>> {
         PreparedBake::new(py, &self.desc, &self.places, crate::settings::from_keywords(settings)?, threads, options)
     }
 
     /// Makes the tracing of photons ready for a farm's worker.
-    fn prepare_photons(&self, py: Python<'_>, settings: &Bound<'_, PyDict>, threads: usize) -> PyResult<PreparedPhotons> {
+    fn prepare_photons(&self, py: Python<'_>, settings: &Bound<'_, PyDict>, threads: usize) -> PyResult<Py<PreparedPhotons>> {
         PreparedPhotons::new(py, &self.desc, &self.places, &crate::settings::from_keywords(settings)?, threads)
     }
 

@@ -65,9 +65,6 @@ class Cancelled(Exception):  # noqa: N818 - not an error
     """The task was told to stop."""
 
 
-_Parts = _etendue.Prepared | _etendue.PreparedBake | _etendue.PreparedPhotons
-
-
 class Prepared:
     """A scene as a worker keeps it."""
 
@@ -81,7 +78,7 @@ class Prepared:
         clock = order.clock if order.number or order.clock else None
         given = (order.variant, order.gltf_scene, order.gltf_animation, clock)
         self.scene = _etendue.load(folder / order.scene, [], defines, *given, moment)
-        self.parts: _Parts
+        self.parts: _etendue.Parts
         if order.command == "bake":
             self.parts = self.scene.prepare_bake(settings, threads, dict(order.bake))
         elif order.command == "photons":
@@ -248,7 +245,7 @@ class Worker:
         self._files.write(order.preview, pictures.png(pictures.display(_resize(picture, shape), "rgb")))
         return picture, max(last_secs, 1e-6) / last_work
 
-    def _probe_part(self, order: ProbeOrder, parts: _Parts) -> float:
+    def _probe_part(self, order: ProbeOrder, parts: _etendue.Parts) -> float:
         """Return the core-seconds of a sample of a point of a bake, or of a photon: of a few of them from all over."""
         edge = -(-parts.width // PROBE_PLACES)
         rects = [(x, 0, min(x + PROBE_POINTS, parts.width), 1) for x in range(0, parts.width, edge)]
