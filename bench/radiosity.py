@@ -360,58 +360,64 @@ def connected(triangles: np.ndarray) -> np.ndarray:
         label = following
 
 
-BAKES: dict[str, list[str]] = {
-    "path": ["--spp", "256"],
-    "radiosity": [],
-    "radiosity, gathered": ["--final-gather", "--spp", "128"],
-    "particles": [],
-    "particles, gathered": ["--final-gather", "--spp", "128"],
+# Seeds and settings of each way to bake.
+BAKES: dict[str, tuple[int, list[str]]] = {
+    "path": (4, ["--spp", "256"]),
+    "radiosity": (2, []),
+    "radiosity, gathered": (2, ["--final-gather", "--spp", "64"]),
+    "particles": (2, ["--photons", "4000000"]),
+    "particles, gathered": (2, ["--final-gather", "--spp", "64"]),
 }
 BAKE_SIZE = 256
 # Blocks of texels are left out where something stands within this distance (scene units) above or below a part of them.
 NEAR = 0.1
-BAKE_SEEDS = 2
+# What is darker than this share of the mean is left out.
+DARKEST = 0.01
 
 
 def bake(etendue: str, folder: Path) -> None:
-    """Print how far the methods of baking are from each other, block by block of a lightmap."""
+    """Print how far the methods of baking are from each other, block by block and chart by chart of a lightmap."""
     glb = folder / "room.glb"
     subprocess.run([etendue, "convert", str(SCENES["furnished room"]), str(glb), "--quiet"], check=True)
-    maps: dict[str, np.ndarray] = {}
+    maps: dict[str, list[np.ndarray]] = {}
     atlas = None
-    for method, flags in BAKES.items():
-        pictures = []
-        for seed in range(BAKE_SEEDS):
+    for method, (seeds, flags) in BAKES.items():
+        maps[method] = []
+        for seed in range(seeds):
             out = folder / f"baked-{method.replace(', ', '-')}-{seed}.glb"
             if not out.exists():
                 command = [etendue, "bake", str(glb), "-o", str(out), "--method", method.split(",")[0], "--exr", "--quiet"]
                 subprocess.run([*command, "--resolution", str(BAKE_SIZE), "--seed", str(seed), *flags], check=True)
-            pictures.append(rgb(channels(out.with_suffix(".0.exr"))))
+            maps[method].append(rgb(channels(out.with_suffix(".0.exr"))))
             atlas = atlas or Atlas(out, BAKE_SIZE)
-        assert atlas is not None
-        maps[method] = np.array([[p[block].mean() for block in atlas.blocks] for p in pictures])
-    reference = maps["path"].mean(0)
-    lit = reference > 0.01 * reference.mean()
-    reference = reference[lit]
-    noise = standard_error(maps["path"][:, lit])
-    print(f"{lit.sum()} blocks of {TILE} × {TILE} texels; standard error of a block by path: {noise:.2%}")
-    print("| method | mean of all | standard error of a block | 95% of blocks within | blocks beyond 2% | beyond 2% and 3 σ | worst |")
+    assert atlas is not None
+    print("| regions | method | mean of all | standard error, path's and its own | root mean square of differences | that without noise | beyond 2% and 3 σ |")
     print("|---|---|---|---|---|---|---|")
-    for method, values in maps.items():
-        ours = values[:, lit]
-        errors = ours.mean(0) / reference - 1
-        own = standard_error(ours)
-        size = np.abs(errors)
-        sure = size > 0.02 + 3 * math.hypot(own, noise)
-        print(
-            f"| {method} | {ours.mean() / reference.mean() - 1:+.2%} | {own:.2%} | {np.quantile(size, 0.95):.1%} | "
-            f"{(size > 0.02).sum()} | {sure.sum()} | {errors[size.argmax()]:+.1%} |",
-            flush=True,
-        )
+    of_block = [int(atlas.chart[block][0, 0]) for block in atlas.blocks]
+    every = np.unique(of_block)
+    for what in ("blocks", "charts"):
+        # Means of blocks, or of all blocks of a chart; rows are seeds.
+        means = {method: np.array([[p[block].mean() for block in atlas.blocks] for p in pictures]) for method, pictures in maps.items()}
+        if what == "charts":
+            means = {k: np.stack([v[:, [c == chart for c in of_block]].mean(1) for chart in every], 1) for k, v in means.items()}
+        reference = means["path"].mean(0)
+        lit = reference > DARKEST * reference.mean()
+        for method, values in means.items():
+            if method == "path":
+                continue
+            differences = values[:, lit].mean(0) / reference[lit] - 1
+            noise = [standard_error(v[:, lit]) for v in (means["path"], values)]
+            rms = math.sqrt(np.mean(differences**2))
+            sure = np.abs(differences) > 0.02 + 3 * math.hypot(*noise)
+            print(
+                f"| {lit.sum()} {what} | {method} | {values[:, lit].mean() / reference[lit].mean() - 1:+.2%} | {noise[0]:.2%}, {noise[1]:.2%} | "
+                f"{rms:.2%} | {math.sqrt(max(rms**2 - noise[0] ** 2 - noise[1] ** 2, 0)):.2%} | {sure.sum()} |",
+                flush=True,
+            )
 
 
 def standard_error(values: np.ndarray) -> float:
-    """Return the relative standard error of the mean over seeds (rows), the same for all blocks."""
+    """Return the relative standard error of the mean over seeds (rows), in the root mean square over regions (columns)."""
     relative = values / values.mean(0)
     return float(np.sqrt(relative.var(0, ddof=1).mean() / len(values)))
 
