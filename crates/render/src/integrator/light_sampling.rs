@@ -36,11 +36,12 @@ pub(super) fn context(s: &Surface) -> LightContext {
     LightContext { p: s.p, n: s.frame.n }
 }
 
-/// Chooses one light for a point and samples it; always draws three numbers. Inlined always, like the shadow rays below: with several
+/// Chooses one light for a point and samples it, by three numbers. Inlined always, like the shadow rays below: with several
 /// integrators as callers the compiler would not, and paths would pay for the calls.
 #[inline(always)]
 pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
-    let (u_light, u) = (stream.next_1d(), stream.next_2d());
+    let u_light = if scene.light_sampler.has_choice() { stream.next_1d() } else { stream.skip_1d() };
+    let u = stream.next_2d();
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
     let sample = scene.lights[index as usize].sample(ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
