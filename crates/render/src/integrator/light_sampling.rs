@@ -122,14 +122,14 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
 
 /// The rest of a shadow ray beyond a surface. It aims at the same end again: the step off the surface is across the ray, and larger than
 /// the gap that is left before a near light.
-fn beyond(ray: &Ray, s: &Surface) -> Ray {
+pub(super) fn beyond(ray: &Ray, s: &Surface) -> Ray {
     let o = s.offset_origin(ray.d);
     if ray.t_max.is_finite() { towards(o, ray.at(ray.t_max / SHADOW_END)) } else { Ray { o, t_min: 0.0, ..*ray } }
 }
 
 /// A ray that ends just before a point.
 #[inline]
-fn towards(o: Vec3, end: Vec3) -> Ray {
+pub(super) fn towards(o: Vec3, end: Vec3) -> Ray {
     let to = end - o;
     let dist = to.length();
     Ray { o, d: to / dist, t_min: 0.0, t_max: dist * SHADOW_END }

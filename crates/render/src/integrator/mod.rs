@@ -15,7 +15,9 @@ mod illuminance;
 pub mod irradiance;
 mod light;
 pub(crate) mod light_sampling;
+mod manifold;
 mod mlt;
+mod mnee;
 mod normals;
 mod particles;
 mod path;
@@ -36,6 +38,7 @@ pub use bdpt::Bdpt;
 pub use illuminance::Illuminance;
 pub use light::LightTracer;
 pub use mlt::Mlt;
+pub use mnee::Mnee;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
@@ -223,6 +226,7 @@ pub const NAMES: &[&str] = &[
     "bdpt",
     "vcm",
     "mlt",
+    "mnee",
     "light",
     "sppm",
     "photon",
@@ -265,6 +269,10 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
+        "mnee" => {
+            let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
+            Box::new(Mnee::new(path))
+        }
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),

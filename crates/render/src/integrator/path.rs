@@ -10,6 +10,7 @@
 //! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
 use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::manifold::{Chains, Followed, Place, Start};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Vertex};
 use crate::accel::Ray;
@@ -26,6 +27,12 @@ use crate::spectrum::Spectrum;
 
 /// A path that only ever crosses surfaces straight on ends after so many of them.
 const MAX_CROSSINGS: u32 = 1024;
+
+/// First dimension of the numbers that the search for chains takes: beyond those of any path.
+const CHAIN_DIMENSIONS: u32 = 5 << 16;
+
+/// How often chains are looked for beyond what the camera sees first: there they are averaged anyhow.
+const DEEP_CHAINS: f32 = 0.5;
 
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
@@ -65,16 +72,25 @@ impl Cone {
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         if scene.has_media {
-            self.trace::<true>(scene, camera_ray, stream, out);
+            self.trace::<true, false>(scene, camera_ray, None, stream, out);
         } else {
-            self.trace::<false>(scene, camera_ray, stream, out);
+            self.trace::<false, false>(scene, camera_ray, None, stream, out);
         }
     }
 }
 
 impl Path {
-    /// Follows one path. `MEDIA`: whether there are any; compiled apart, so that scenes without pay nothing for them.
-    fn trace<const MEDIA: bool>(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+    /// Follows one path. `MEDIA`: whether there are any; `CHAINS`: whether light is looked for through glass and in mirrors, by `chains`.
+    /// Compiled apart, so that scenes without pay nothing for them.
+    pub(super) fn trace<const MEDIA: bool, const CHAINS: bool>(
+        &self,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        chains: Option<&Chains>,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+    ) {
+        let chains = chains.filter(|_| CHAINS);
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
         let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
@@ -83,6 +99,9 @@ impl Path {
         let mut eta_scale = 1.0f32;
         let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
         let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
+        let mut chain_rng = if CHAINS { stream.at(CHAIN_DIMENSIONS).rng() } else { HashRng::default() };
+        // The chain since the last rough surface, where it is one that is looked for.
+        let mut chain: Option<Followed> = None;
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
         loop {
@@ -97,13 +116,20 @@ impl Path {
                     let equiangular = self.equiangular;
                     let scattered =
                         volume::advance(scene, medium, &media, &ray, t_max, &mut throughput, equiangular, stream, &mut rng, out);
-                    if let Some(Scattered { t, wi, vertex }) = scattered {
+                    if let Some(Scattered { t, wi, weight, vertex }) = scattered {
                         if depth == 0 {
                             out.alpha = 1.0;
                             if let Some(s) = &found {
                                 behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
                             }
                         }
+                        if let Some(chains) = chains {
+                            let place = Place::Medium(ray.at(t), medium.phase());
+                            let start = Start { place, wo: -ray.d, media: &media };
+                            self.add_chains(scene, chains, &start, throughput, depth, &mut chain_rng, out);
+                            chain = Some(Followed::from(place));
+                        }
+                        throughput *= weight;
                         ray = Ray::new(ray.at(t), wi);
                         cone.advance(t, 1.0);
                         cone.scatter(vertex.pdf);
@@ -120,14 +146,17 @@ impl Path {
                 }
             }
             let Some(mut s) = found else {
-                add_infinite(scene, ray.d, throughput, &last, depth, out);
+                add_infinite(scene, ray.d, throughput, &last, depth, |light| chains.is_some_and(|c| c.found(scene, chain, light)), out);
                 return;
             };
             let wo = -ray.d;
             if scene.mipmap {
                 s.footprint = cone.advance(s.t, s.ng.dot(wo));
             }
-            add_emission(scene, &s, wo, throughput, &last, depth, out);
+            let found = chains.is_some_and(|c| chain.is_some() && s.light(scene).is_some_and(|light| c.found(scene, chain, light)));
+            if !found {
+                add_emission(scene, &s, wo, throughput, &last, depth, out);
+            }
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             if depth == 0 {
                 camera_distance += s.t;
@@ -151,6 +180,10 @@ impl Path {
                     }
                 }
             }
+            if let Some(chains) = chains.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
+                let start = Start { place: Place::Surface(&s, &scatter), wo, media: &media };
+                self.add_chains(scene, chains, &start, throughput, depth, &mut chain_rng, out);
+            }
             let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
             let u_roulette = stream.next_1d();
             let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
@@ -173,6 +206,10 @@ impl Path {
             if last_edge {
                 return;
             }
+            if let Some(chains) = chains {
+                let is_delta = sample.lobe.contains(Lobe::DELTA);
+                chain = if is_delta { chains.after(chain, &s, sample.lobe) } else { Some(Followed::from(Place::Surface(&s, &scatter))) };
+            }
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
@@ -181,6 +218,28 @@ impl Path {
             if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
                 return;
             }
+        }
+    }
+
+    /// Light that chains bring to a point. `depth`: scatterings before it.
+    #[allow(clippy::too_many_arguments, reason = "the state of a path")]
+    #[inline(never)]
+    fn add_chains(
+        &self,
+        scene: &Scene,
+        chains: &Chains,
+        start: &Start,
+        throughput: Spectrum,
+        depth: u32,
+        rng: &mut HashRng,
+        out: &mut Estimate,
+    ) {
+        let chance = if depth == 0 { 1.0 } else { DEEP_CHAINS };
+        if rng.next_1d() >= chance {
+            return;
+        }
+        if let Some((light, group)) = chains.estimate(scene, start, self.max_depth - depth - 1, rng) {
+            out.add(throughput * light / chance, group);
         }
     }
 
@@ -233,15 +292,15 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
     out.add(throughput * radiance * weight, emission.group);
 }
 
-/// Light from beyond the scene.
+/// Light from beyond the scene, but for lights that are `found` in another way.
 #[inline]
-fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
+fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, found: impl Fn(u32) -> bool, out: &mut Estimate) {
     if depth == 0 && scene.hide_lights {
         return;
     }
     for &light in &scene.infinite_lights {
         let radiance = scene.lights[light as usize].escaped(d);
-        if !radiance.is_black() {
+        if !radiance.is_black() && !found(light) {
             let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
         }

@@ -1,6 +1,7 @@
 //! The compiled scene: flat arrays that no one changes after [`compile`].
 
 mod compile;
+mod curvature;
 pub mod geometry;
 mod losses;
 mod names;
