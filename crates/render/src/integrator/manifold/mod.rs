@@ -6,6 +6,9 @@
 //! leads there again has the reciprocal as mean (Zeltner, Georgiev, Jakob 2020, "Specular Manifold Sampling",
 //! doi:10.1145/3386569.3392408, section 4.3). So the light of all chains is estimated without bias but for [`MAX_TRIALS`].
 //!
+//! Known flaw: the focus of a caustic comes out darker than by other methods (docs/guide/bidirectional.md has figures); whether rare
+//! samples carry the rest or Newton's method does not reach it is open.
+//!
 //! What chains bring must not count again where a path meets the light by chance, and what they do not look for is left to such
 //! paths. Which of the two it is depends on the path alone, never on what was found ([`Chains::after`], [`Chains::found`]):
 //!
