@@ -19,15 +19,20 @@ pub struct Contribution {
 }
 
 /// The camera's own joint.
-const CAMERA: Joint = Joint { light: 0.0, camera: 1.0, connectible: true };
+const CAMERA: Joint = Joint { light: 0.0, camera: 1.0, connectible: true, in_medium: false };
 
 /// Appends the joints from a vertex of the camera's walk to the camera. `light` is the density of the vertex from the light, `light_back`
 /// that of the vertex before it, where it is not the one that the walk itself has led to.
 pub fn push_camera_joints(joints: &mut Vec<Joint>, walk: &Walk, v: &Vertex, light: f32, mut light_back: Option<f32>) {
-    joints.push(Joint { light, camera: v.own, connectible: true });
+    joints.push(Joint { light, camera: v.own, connectible: true, in_medium: v.in_medium() });
     let mut at = v;
     while let Some(before) = walk.previous(at) {
-        joints.push(Joint { light: light_back.take().unwrap_or(before.other), camera: before.own, connectible: !before.delta });
+        joints.push(Joint {
+            light: light_back.take().unwrap_or(before.other),
+            camera: before.own,
+            connectible: !before.delta,
+            in_medium: before.in_medium(),
+        });
         at = before;
     }
     joints.push(CAMERA);
@@ -37,11 +42,16 @@ pub fn push_camera_joints(joints: &mut Vec<Joint>, walk: &Walk, v: &Vertex, ligh
 /// the vertex before it. Returns what is special about the light.
 pub fn set_light_joints(joints: &mut Vec<Joint>, walk: &Walk, start: &LightStart, v: &Vertex, camera: f32, camera_back: f32) -> Origin {
     joints.clear();
-    joints.push(Joint { light: v.own, camera, connectible: true });
+    joints.push(Joint { light: v.own, camera, connectible: true, in_medium: v.in_medium() });
     let mut back = Some(camera_back);
     let mut at = v;
     while let Some(before) = walk.previous(at) {
-        joints.push(Joint { light: before.own, camera: back.take().unwrap_or(before.other), connectible: !before.delta });
+        joints.push(Joint {
+            light: before.own,
+            camera: back.take().unwrap_or(before.other),
+            connectible: !before.delta,
+            in_medium: before.in_medium(),
+        });
         at = before;
     }
     joints.push(Joint { camera: back.unwrap_or(start.joint.camera), ..start.joint });
@@ -85,7 +95,7 @@ impl Bidirectional {
                 let cos = before.cos(v.wo);
                 let (own, first) = self.emission_densities(scene, light, s.p, s.ng, v.wo, cos, distance_2);
                 joints.clear();
-                joints.push(Joint { light: own, camera: v.own, connectible: true });
+                joints.push(Joint { light: own, camera: v.own, connectible: true, in_medium: false });
                 push_camera_joints(joints, walk, before, first, None);
                 joints[1].connectible = !before.delta;
                 let pmf = scene.light_sampler.pmf(&ctx, light);
@@ -113,7 +123,7 @@ impl Bidirectional {
                 let cos = before.cos(e.d);
                 let (own, first) = self.emission_densities(scene, light, before.p, Vec3::ZERO, -e.d, cos, 1.0);
                 joints.clear();
-                joints.push(Joint { light: own, camera: e.pdf, connectible: true });
+                joints.push(Joint { light: own, camera: e.pdf, connectible: true, in_medium: false });
                 push_camera_joints(joints, walk, before, first, None);
                 joints[1].connectible = !before.delta;
                 let nee = scene.light_sampler.pmf(&ctx, light) * scene.lights[light as usize].pdf_escaped(&ctx, e.d);
@@ -156,7 +166,7 @@ impl Bidirectional {
             return None;
         }
         joints.clear();
-        joints.push(Joint { light: own, camera: pdf * to_light, connectible: true });
+        joints.push(Joint { light: own, camera: pdf * to_light, connectible: true, in_medium: false });
         let back = v.pdf_back(scene, sample.wi) * v.to_previous;
         push_camera_joints(joints, walk, v, first, Some(back));
         let weight = self.techniques.weight(joints, &Origin { nee, delta: light.is_delta() }, Technique::Connect(1));

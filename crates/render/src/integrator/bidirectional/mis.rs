@@ -20,6 +20,8 @@ pub struct Joint {
     pub camera: f32,
     /// Whether other vertices can be connected to it: not where the path scatters by a delta lobe.
     pub connectible: bool,
+    /// Whether a medium scatters there: walks are merged on surfaces alone.
+    pub in_medium: bool,
 }
 
 /// What is special about joint 0, the light.
@@ -72,7 +74,7 @@ impl Techniques {
 
     /// Whether a path of these joints can be made by merging at joint `k`.
     pub fn can_merge(&self, joints: &[Joint], k: usize) -> bool {
-        self.merging > 0.0 && k >= 1 && k + 1 < joints.len() && joints[k].connectible
+        self.merging > 0.0 && k >= 1 && k + 1 < joints.len() && joints[k].connectible && !joints[k].in_medium
     }
 
     /// The weight of the technique `own`, by which the path was found: its density must not be zero.
@@ -146,7 +148,12 @@ mod tests {
             let n = 3 + (rnd(0) * 7.0) as usize;
             let density = |i: u64| crate::math::fns::pow(10.0, 6.0 * rnd(i) - 3.0);
             let mut joints: Vec<Joint> = (0..n as u64)
-                .map(|i| Joint { light: density(3 * i + 10), camera: density(3 * i + 11), connectible: rnd(3 * i + 12) < 0.7 })
+                .map(|i| Joint {
+                    light: density(3 * i + 10),
+                    camera: density(3 * i + 11),
+                    connectible: rnd(3 * i + 12) < 0.7,
+                    in_medium: rnd(3 * i + 100) < 0.3,
+                })
                 .collect();
             joints[n - 1].connectible = true;
             joints[0].connectible = true;
@@ -183,7 +190,7 @@ mod tests {
 
     #[test]
     fn zero_densities_make_no_numbers_that_are_none() {
-        let joint = |light, camera| Joint { light, camera, connectible: true };
+        let joint = |light, camera| Joint { light, camera, connectible: true, in_medium: false };
         let joints = [joint(0.0, 0.0), joint(1.0, 2.0), joint(0.0, 1.0)];
         let origin = Origin { nee: 0.5, delta: true };
         let techniques = Techniques::CONNECTIONS;

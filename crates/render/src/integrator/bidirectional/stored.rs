@@ -39,6 +39,7 @@ struct Link {
     path: u32,
     depth: u32,
     delta: bool,
+    in_medium: bool,
     nee: f32,
 }
 
@@ -101,10 +102,10 @@ impl StoredWalks {
         for (i, v) in walk.vertices.iter().enumerate() {
             let previous = if v.previous == START { START } else { v.previous + first };
             let Vertex { own, other, to_previous, depth, delta, nee, .. } = *v;
-            self.links.push(Link { own, other, to_previous, previous, path, depth, delta, nee });
+            self.links.push(Link { own, other, to_previous, previous, path, depth, delta, in_medium: v.in_medium(), nee });
             let usable = own > 0.0 && own.is_finite() && v.beta.is_finite() && v.p.is_finite();
             // In media paths are connected only.
-            if usable && v.surface().is_some() && v.is_smooth_anywhere() {
+            if usable && !v.in_medium() && v.is_smooth_anywhere() {
                 self.photons.push(Photon { p: v.p, w: v.wo, beta: v.beta.rgb(), link: first + i as u32 });
             }
         }
@@ -203,7 +204,12 @@ impl Bidirectional {
             let mut back = Some(to_light * link.to_previous);
             let mut at = link;
             while let Some(before) = stored.links.get(at.previous as usize) {
-                joints.push(Joint { light: before.own, camera: back.take().unwrap_or(before.other), connectible: !before.delta });
+                joints.push(Joint {
+                    light: before.own,
+                    camera: back.take().unwrap_or(before.other),
+                    connectible: !before.delta,
+                    in_medium: before.in_medium,
+                });
                 at = before;
             }
             joints.push(Joint { camera: back.unwrap_or(start.joint.camera), ..start.joint });

@@ -116,6 +116,12 @@ impl Vertex {
         }
     }
 
+    /// Whether a medium scatters there.
+    #[inline]
+    pub fn in_medium(&self) -> bool {
+        self.surface().is_none()
+    }
+
     /// |cos| of a direction to the geometric normal; 1 in media.
     #[inline]
     pub fn cos(&self, w: Vec3) -> f32 {
@@ -292,7 +298,7 @@ impl Bidirectional {
         }
         Some(LightStart {
             group: emission.group,
-            joint: Joint { light: own, camera: walk.start_other, connectible: true },
+            joint: Joint { light: own, camera: walk.start_other, connectible: true, in_medium: false },
             delta: light.is_delta(),
         })
     }
