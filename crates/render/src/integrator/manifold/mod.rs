@@ -12,8 +12,8 @@
 //! What chains bring must not count again where a path meets the light by chance, and what they do not look for is left to such
 //! paths. Which of the two it is depends on the path alone, never on what was found ([`Chains::after`], [`Chains::found`]):
 //!
-//! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order, and
-//!   at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
+//! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order,
+//!   and at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
 //! - its light is a point, a spot, parallel light or the sun, or a surface seen under a small angle from where the chain starts
 //!   ([`LARGEST`]): large lights are found by chance with less noise; and there chains start where something is diffuse only.
 
