@@ -76,7 +76,8 @@ fn a_slab_has_a_closed_form() {
             * Mat4::from_scale(Vec3::new(20.0, 20.0, 0.5 * THICK as f32));
         shape(desc, GeometryDesc::Cube, m, Some(glass));
     };
-    let changes: [(&str, &dyn Fn(&mut SceneDesc)); 2] = [("rectangles", &rectangles), ("cube", &cube)];
+    type Change<'a> = &'a dyn Fn(&mut SceneDesc);
+    let changes: [(&str, Change); 2] = [("rectangles", &rectangles), ("cube", &cube)];
     for (name, change) in changes {
         let mut desc = scene();
         floor(&mut desc, 0.5, 1.5);
