@@ -35,9 +35,11 @@ impl Integrator for Mnee {
 
     fn notes(&self) -> Vec<String> {
         vec![match self.chains {
-            Some(_) => "mnee: not found of point lights and parallel light: rough glass, chains of more than six vertices, and \
-                        those that glass reflects more than once"
-                .into(),
+            Some(_) => {
+                "mnee: the focus of caustics may come out too dark; not found of point lights and parallel light: rough glass, chains \
+                        of more than six vertices, and those that glass reflects more than once"
+                    .into()
+            }
             None => "mnee: nothing smooth makes caustics of small lights here; the same as path".into(),
         }]
     }

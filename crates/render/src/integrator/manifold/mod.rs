@@ -6,11 +6,14 @@
 //! leads there again has the reciprocal as mean (Zeltner, Georgiev, Jakob 2020, "Specular Manifold Sampling",
 //! doi:10.1145/3386569.3392408, section 4.3). So the light of all chains is estimated without bias but for [`MAX_TRIALS`].
 //!
+//! Known flaw: the focus of a caustic comes out darker than by other methods (docs/guide/bidirectional.md has figures); whether rare
+//! samples carry the rest or Newton's method does not reach it is open.
+//!
 //! What chains bring must not count again where a path meets the light by chance, and what they do not look for is left to such
 //! paths. Which of the two it is depends on the path alone, never on what was found ([`Chains::after`], [`Chains::found`]):
 //!
-//! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order, and
-//!   at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
+//! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order,
+//!   and at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
 //! - its light is a point, a spot, parallel light or the sun, or a surface seen under a small angle from where the chain starts
 //!   ([`LARGEST`]): large lights are found by chance with less noise; and there chains start where something is diffuse only.
 
