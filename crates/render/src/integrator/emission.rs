@@ -120,8 +120,13 @@ impl EmissionSampler {
             pdf_position: sample.pdf_position,
             pdf_direction: sample.pdf_direction,
         };
-        if self.may_hide && scene.lights[light as usize].is_infinite() && scene.occluded(&Ray::new(sample.o, -sample.d)) {
-            return None;
+        let from = &scene.lights[light as usize];
+        if self.may_hide && from.is_infinite() {
+            let behind = Ray::new(sample.o, -sample.d);
+            let hidden = if from.is_delta() { scene.shadowed(&behind) } else { scene.occluded(&behind) };
+            if hidden {
+                return None;
+            }
         }
         // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.
         let power = emission.power();

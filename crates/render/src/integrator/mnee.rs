@@ -36,8 +36,8 @@ impl Integrator for Mnee {
     fn notes(&self) -> Vec<String> {
         vec![match self.chains {
             Some(_) => {
-                "mnee: the focus of caustics may come out too dark; not found of point lights and parallel light: rough glass, chains \
-                        of more than six vertices, and those that glass reflects more than once"
+                "mnee: noisy at the focus of caustics; not found of point lights and parallel light: rough glass, chains of more than six \
+                 vertices, those that glass reflects more than once, and those that few starts find"
                     .into()
             }
             None => "mnee: nothing smooth makes caustics of small lights here; the same as path".into(),
@@ -45,10 +45,9 @@ impl Integrator for Mnee {
     }
 
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
-        match (&self.chains, scene.has_media) {
-            (None, _) => self.path.estimate(scene, camera_ray, stream, out),
-            (chains, true) => self.path.trace::<true, true>(scene, camera_ray, chains.as_ref(), stream, out),
-            (chains, false) => self.path.trace::<false, true>(scene, camera_ray, chains.as_ref(), stream, out),
+        match &self.chains {
+            None => self.path.estimate(scene, camera_ray, stream, out),
+            Some(chains) => self.path.estimate_with(chains, scene, camera_ray, stream, out),
         }
     }
 }

@@ -9,8 +9,8 @@
 //!
 //! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
+use super::caustics::{Caustics, Place, Start};
 use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
-use super::manifold::{Chains, Followed, Place, Start};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Vertex};
 use crate::accel::Ray;
@@ -27,12 +27,6 @@ use crate::spectrum::Spectrum;
 
 /// A path that only ever crosses surfaces straight on ends after so many of them.
 const MAX_CROSSINGS: u32 = 1024;
-
-/// First dimension of the numbers that the search for chains takes: beyond those of any path.
-const CHAIN_DIMENSIONS: u32 = 5 << 16;
-
-/// How often chains are looked for beyond what the camera sees first: there they are averaged anyhow.
-const DEEP_CHAINS: f32 = 0.5;
 
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
@@ -71,26 +65,37 @@ impl Cone {
 
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
-        if scene.has_media {
-            self.trace::<true, false>(scene, camera_ray, None, stream, out);
-        } else {
-            self.trace::<false, false>(scene, camera_ray, None, stream, out);
-        }
+        self.estimate_with(&(), scene, camera_ray, stream, out);
     }
 }
 
 impl Path {
-    /// Follows one path. `MEDIA`: whether there are any; `CHAINS`: whether light is looked for through glass and in mirrors, by `chains`.
-    /// Compiled apart, so that scenes without pay nothing for them.
-    pub(super) fn trace<const MEDIA: bool, const CHAINS: bool>(
+    /// An estimate that leaves caustics to another method.
+    pub(super) fn estimate_with<C: Caustics>(
         &self,
+        caustics: &C,
         scene: &Scene,
         camera_ray: &CameraRay,
-        chains: Option<&Chains>,
         stream: &mut SampleStream,
         out: &mut Estimate,
     ) {
-        let chains = chains.filter(|_| CHAINS);
+        if scene.has_media {
+            self.trace::<true, C>(scene, camera_ray, caustics, stream, out);
+        } else {
+            self.trace::<false, C>(scene, camera_ray, caustics, stream, out);
+        }
+    }
+
+    /// Follows one path. `MEDIA`: whether there are any. Compiled apart, as for each kind of `caustics`, so that scenes without pay
+    /// nothing for them.
+    fn trace<const MEDIA: bool, C: Caustics>(
+        &self,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        caustics: &C,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+    ) {
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
         let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
@@ -99,9 +104,7 @@ impl Path {
         let mut eta_scale = 1.0f32;
         let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
         let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
-        let mut chain_rng = if CHAINS { stream.at(CHAIN_DIMENSIONS).rng() } else { HashRng::default() };
-        // The chain since the last rough surface, where it is one that is looked for.
-        let mut chain: Option<Followed> = None;
+        let mut trail = caustics.start(stream);
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
         loop {
@@ -123,11 +126,10 @@ impl Path {
                                 behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
                             }
                         }
-                        if let Some(chains) = chains {
-                            let place = Place::Medium(ray.at(t), medium.phase());
-                            let start = Start { place, wo: -ray.d, media: &media };
-                            self.add_chains(scene, chains, &start, throughput, depth, &mut chain_rng, out);
-                            chain = Some(Followed::from(place));
+                        if C::ON {
+                            let start = Start { place: Place::Medium(ray.at(t), medium.phase()), wo: -ray.d, media: &media };
+                            caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
+                            caustics.scattered_in_medium(&mut trail, ray.at(t));
                         }
                         throughput *= weight;
                         ray = Ray::new(ray.at(t), wi);
@@ -146,15 +148,14 @@ impl Path {
                 }
             }
             let Some(mut s) = found else {
-                add_infinite(scene, ray.d, throughput, &last, depth, |light| chains.is_some_and(|c| c.found(scene, chain, light)), out);
+                add_infinite(scene, ray.d, throughput, &last, depth, |light| caustics.found(scene, &trail, light), out);
                 return;
             };
             let wo = -ray.d;
             if scene.mipmap {
                 s.footprint = cone.advance(s.t, s.ng.dot(wo));
             }
-            let found = chains.is_some_and(|c| chain.is_some() && s.light(scene).is_some_and(|light| c.found(scene, chain, light)));
-            if !found {
+            if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &trail, light))) {
                 add_emission(scene, &s, wo, throughput, &last, depth, out);
             }
             let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
@@ -169,7 +170,8 @@ impl Path {
             }
             let ctx = context(&s);
             let direct = sample_one(scene, &ctx, stream);
-            if let Some(direct) = direct.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
+            let left = |light| caustics.finds_direct(&trail, &scatter, light);
+            if let Some(direct) = direct.filter(|d| !last_edge && scatter.is_smooth_anywhere() && !left(d.light)) {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
@@ -180,9 +182,9 @@ impl Path {
                     }
                 }
             }
-            if let Some(chains) = chains.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
+            if C::ON && !last_edge && scatter.is_smooth_anywhere() {
                 let start = Start { place: Place::Surface(&s, &scatter), wo, media: &media };
-                self.add_chains(scene, chains, &start, throughput, depth, &mut chain_rng, out);
+                caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
             }
             let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
             let u_roulette = stream.next_1d();
@@ -191,11 +193,14 @@ impl Path {
             if throughput.is_black() {
                 return;
             }
+            let o = s.offset_origin(sample.wi);
+            ray = Ray::new(o, sample.wi);
+            if C::ON && !sample.lobe.contains(Lobe::NULL) {
+                caustics.scattered(&mut trail, &s, &scatter, &sample);
+            }
             if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
                 media.cross(scene, &s, sample.wi);
             }
-            let o = s.offset_origin(sample.wi);
-            ray = Ray::new(o, sample.wi);
             if sample.lobe.contains(Lobe::NULL) {
                 crossings += 1;
                 if crossings > MAX_CROSSINGS {
@@ -206,10 +211,6 @@ impl Path {
             if last_edge {
                 return;
             }
-            if let Some(chains) = chains {
-                let is_delta = sample.lobe.contains(Lobe::DELTA);
-                chain = if is_delta { chains.after(chain, &s, sample.lobe) } else { Some(Followed::from(Place::Surface(&s, &scatter))) };
-            }
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
@@ -218,28 +219,6 @@ impl Path {
             if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
                 return;
             }
-        }
-    }
-
-    /// Light that chains bring to a point. `depth`: scatterings before it.
-    #[allow(clippy::too_many_arguments, reason = "the state of a path")]
-    #[inline(never)]
-    fn add_chains(
-        &self,
-        scene: &Scene,
-        chains: &Chains,
-        start: &Start,
-        throughput: Spectrum,
-        depth: u32,
-        rng: &mut HashRng,
-        out: &mut Estimate,
-    ) {
-        let chance = if depth == 0 { 1.0 } else { DEEP_CHAINS };
-        if rng.next_1d() >= chance {
-            return;
-        }
-        if let Some((light, group)) = chains.estimate(scene, start, self.max_depth - depth - 1, rng) {
-            out.add(throughput * light / chance, group);
         }
     }
 

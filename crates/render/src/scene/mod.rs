@@ -158,7 +158,19 @@ impl Scene {
     /// Whether anything at all is in a ray's way.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
+        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect(self, ray).is_some())
+    }
+
+    /// Whether anything casts a shadow along a ray to a light without extent. Other lights are met by rays as well, and these know
+    /// nothing of solids that cast none: they are in the way of all light but that of such lamps.
+    #[inline]
+    pub fn shadowed(&self, ray: &Ray) -> bool {
         self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect_shadow(self, ray).is_some())
+    }
+
+    /// Whether the surface that a ray of light from a lamp meets first is of a solid that casts no shadow.
+    pub fn casts_no_shadow(&self, ray: &Ray, s: &Surface) -> bool {
+        s.solid.is_some() && self.intersect_shadow(ray).is_none_or(|behind| behind.t > s.t)
     }
 
     /// Radiance of a light sample: textured emission is looked up where the sample is.

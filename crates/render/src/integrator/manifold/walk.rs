@@ -9,10 +9,9 @@ use std::cell::Cell;
 
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode, fresnel};
+use crate::integrator::caustics::Start;
 use crate::integrator::light_sampling::{beyond, towards, transmittance};
-use crate::material::Scatter;
 use crate::math::{Frame, ONE_MINUS_EPSILON, Vec2, Vec3};
-use crate::medium::{MediumStack, Phase};
 use crate::sampler::HashRng;
 use crate::scene::geometry::NONE;
 use crate::scene::{Scene, Surface};
@@ -22,12 +21,17 @@ use crate::spectrum::Spectrum;
 pub(super) const MAX_VERTICES: u32 = 6;
 /// Chains that Newton's method follows before a start is given up (most starts that lead nowhere do so slowly, and those are most of
 /// the cost), halvings of one step, and the largest step.
-const MAX_FOLLOWED: u32 = 10;
+const MAX_FOLLOWED: u32 = 12;
 const MAX_HALVINGS: u32 = 4;
 const LARGEST_STEP: f32 = 0.5;
-/// How far the end of a chain may be turned from the light before a last step, and where no step brings it nearer: squares of angles.
-const TOLERANCE: f32 = 1e-10;
-const COARSE_TOLERANCE: f32 = 1e-8;
+/// How far the end of a chain may be turned from the light: square of an angle.
+const TOLERANCE: f32 = 1e-8;
+/// How far the start of a chain may be from that which the next step would make of it: what is left of its error. Without this bound
+/// chains next to a fold, where the end hardly turns with the start, would be found at as many places as there are starts, and
+/// beyond the fold, where there are none.
+const LARGEST_LAST_STEP: f32 = 2.5e-4;
+/// Chains whose end turns less than this with their start are not looked for: single precision cannot tell them from their neighbors.
+const FLATTEST: f32 = 2e-3;
 /// How often a chain may have any length, not only that which fits best.
 const ANY_LENGTH: f32 = 0.25;
 /// Surfaces between two vertices that let light straight through.
@@ -42,62 +46,6 @@ pub(super) enum Caster {
     Glass(f32),
     /// A smooth mirror.
     Mirror,
-}
-
-/// Where chains start, and how light scatters there.
-#[derive(Clone, Copy)]
-pub(in crate::integrator) enum Place<'a> {
-    /// On a surface.
-    Surface(&'a Surface, &'a Scatter),
-    /// At a point of a medium.
-    Medium(Vec3, &'a Phase),
-}
-
-/// The start of chains.
-#[derive(Clone, Copy)]
-pub(in crate::integrator) struct Start<'a> {
-    /// The point.
-    pub place: Place<'a>,
-    /// Unit direction to the viewer.
-    pub wo: Vec3,
-    /// The media on the side of `wo`.
-    pub media: &'a MediumStack,
-}
-
-impl Start<'_> {
-    pub fn p(&self) -> Vec3 {
-        match self.place {
-            Place::Surface(s, _) => s.p,
-            Place::Medium(p, _) => p,
-        }
-    }
-
-    fn origin(&self, w: Vec3) -> Vec3 {
-        match self.place {
-            Place::Surface(s, _) => s.offset_origin(w),
-            Place::Medium(p, _) => p,
-        }
-    }
-
-    /// The media along `w`.
-    fn media(&self, scene: &Scene, w: Vec3) -> MediumStack {
-        let mut media = *self.media;
-        if let Place::Surface(s, _) = self.place
-            && scene.has_media
-            && w.dot(s.ng) * self.wo.dot(s.ng) < 0.0
-        {
-            media.cross(scene, s, w);
-        }
-        media
-    }
-
-    /// f·|cos| for light that comes along `w`, or the phase function.
-    pub fn eval(&self, w: Vec3) -> Spectrum {
-        match self.place {
-            Place::Surface(_, scatter) => scatter.eval_pdf(self.wo, w, TransportMode::Radiance).0,
-            Place::Medium(_, phase) => Spectrum::splat(phase.eval(self.wo, w)),
-        }
-    }
 }
 
 /// Where chains are to end.
@@ -335,13 +283,16 @@ impl Tracer<'_> {
                 let (miss, changes) = target.miss(&beam);
                 (miss.length_squared() < now).then_some((next, beam, miss, changes))
             };
-            let found = |w: Vec3, beam: Beam| {
+            if now < TOLERANCE && length < LARGEST_LAST_STEP {
+                // The last step, where it brings the end nearer: the same chain is always told by its direction.
+                let (w, beam) = better(step).map_or((w, beam), |(w, beam, ..)| (w, beam));
+                let [a, b] = target.miss(&beam).1;
+                let (aa, ab, bb) = (a.length_squared(), a.dot(b), b.length_squared());
+                // The smaller singular value is at least this.
+                let flatness = (aa * bb - ab * ab) / (aa + bb);
                 let determinant = target.determinant(&beam);
-                (determinant != 0.0 && determinant.is_finite()).then_some(Solution { w, plan, end: beam, determinant })
-            };
-            if now < TOLERANCE {
-                // Once more, so that the same chain is always told by its direction.
-                return better(step).map_or_else(|| found(w, beam), |(w, beam, ..)| found(w, beam));
+                let is_sound = flatness > FLATTEST * FLATTEST && determinant != 0.0 && determinant.is_finite();
+                return is_sound.then_some(Solution { w, plan, end: beam, determinant });
             }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
@@ -351,12 +302,7 @@ impl Tracer<'_> {
                 }
                 step *= 0.5;
             }
-            match next {
-                Some(nearer) => (w, beam, miss, changes) = nearer,
-                // As near as single precision comes.
-                None if now < COARSE_TOLERANCE => return found(w, beam),
-                None => return None,
-            }
+            (w, beam, miss, changes) = next?;
         }
     }
 
@@ -377,7 +323,7 @@ impl Tracer<'_> {
         for vertex in 0..solution.plan.vertices {
             let (s, caster) = self.met(Ray::new(beam.o, beam.d))?;
             if scene.has_null || scene.has_media {
-                value *= transmittance(scene, towards(beam.o, s.p), &media, rng);
+                value *= transmittance(scene, towards(beam.o, s.p), &media, false, rng);
             }
             let reflects = solution.plan.reflects(vertex);
             let scatter = scene.materials[s.material as usize].shade(scene, &s, -beam.d);
@@ -393,7 +339,7 @@ impl Tracer<'_> {
             }
         }
         if scene.has_null || scene.has_media {
-            value *= transmittance(scene, last, &media, rng);
+            value *= transmittance(scene, last, &media, false, rng);
         }
         (!value.is_black()).then_some(value)
     }
