@@ -4,8 +4,8 @@
 use etendue_scene::desc::BsdfDesc;
 
 use crate::accel::Ray;
-use crate::light::{LightContext, LightSample};
-use crate::math::Vec3;
+use crate::light::{Light, LightContext, LightSample};
+use crate::math::{Vec2, Vec3};
 use crate::medium::MediumStack;
 use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
@@ -36,13 +36,31 @@ pub(super) fn context(s: &Surface) -> LightContext {
     LightContext { p: s.p, n: s.frame.n }
 }
 
-/// Chooses one light for a point and samples it; always draws three numbers. Inlined always, like the shadow rays below: with several
+/// Chooses one light for a point and samples it, by three numbers; the result is to be weighed against directions from the BSDF, always.
+/// Inlined always, like the shadow rays below: with several
 /// integrators as callers the compiler would not, and paths would pay for the calls.
 #[inline(always)]
 pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
-    let (u_light, u) = (stream.next_1d(), stream.next_2d());
+    choose_and_sample(scene, ctx, stream, Light::sample_compensated)
+}
+
+/// The same, for results that need not be weighed.
+#[inline]
+pub(super) fn sample_one_alone(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
+    choose_and_sample(scene, ctx, stream, Light::sample)
+}
+
+#[inline(always)]
+fn choose_and_sample(
+    scene: &Scene,
+    ctx: &LightContext,
+    stream: &mut SampleStream,
+    sample: impl Fn(&Light, &LightContext, Vec2) -> Option<LightSample>,
+) -> Option<Direct> {
+    let u_light = if scene.light_sampler.has_choice() { stream.next_1d() } else { stream.skip_1d() };
+    let u = stream.next_2d();
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
-    let sample = scene.lights[index as usize].sample(ctx, u)?;
+    let sample = sample(&scene.lights[index as usize], ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
@@ -192,6 +210,13 @@ pub(crate) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Sur
 /// The same for a light that surrounds the scene.
 #[inline]
 pub(crate) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
+    let pmf = scene.light_sampler.pmf(ctx, light);
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped_compensated(ctx, wi) } else { 0.0 }
+}
+
+/// [`pdf_infinite`] for [`sample_one_alone`].
+#[inline]
+pub(super) fn pdf_infinite_alone(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
     if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
 }

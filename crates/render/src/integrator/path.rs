@@ -28,6 +28,10 @@ use crate::spectrum::Spectrum;
 /// A path that only ever crosses surfaces straight on ends after so many of them.
 const MAX_CROSSINGS: u32 = 1024;
 
+/// Numbers that a vertex draws for its direct light, and those for its scattering and roulette: none is made that is not used.
+const DIRECT_NUMBERS: u32 = 3;
+const SCATTER_NUMBERS: u32 = 4;
+
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
 pub struct Path {
@@ -107,6 +111,7 @@ impl Path {
         let mut trail = caustics.start(stream);
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
+        let mut scatter = Scatter::default();
         loop {
             let found = scene.intersect(&ray);
             if MEDIA && let Some(medium) = scene.medium(&media) {
@@ -137,7 +142,7 @@ impl Path {
                         cone.scatter(vertex.pdf);
                         last = vertex;
                         depth += 1;
-                        if !self.survives(depth, &mut throughput, eta_scale, stream.next_1d()) {
+                        if !self.survives(depth, &mut throughput, eta_scale, &mut stream.part(1)) {
                             return;
                         }
                         continue;
@@ -158,7 +163,7 @@ impl Path {
             if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &trail, light))) {
                 add_emission(scene, &s, wo, throughput, &last, depth, out);
             }
-            let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
+            scene.materials[s.material as usize].shade_into(scene, &s, wo, &mut scatter);
             if depth == 0 {
                 camera_distance += s.t;
                 first_hit(scene, &s, wo, &scatter, camera_distance, out);
@@ -169,9 +174,12 @@ impl Path {
                 return;
             }
             let ctx = context(&s);
-            let direct = sample_one(scene, &ctx, stream);
-            let left = |light| caustics.finds_direct(&trail, &scatter, light);
-            if let Some(direct) = direct.filter(|d| !last_edge && scatter.is_smooth_anywhere() && !left(d.light)) {
+            let mut numbers = stream.part(DIRECT_NUMBERS);
+            if !last_edge
+                && scatter.is_smooth_anywhere()
+                && let Some(direct) = sample_one(scene, &ctx, &mut numbers)
+                && !(C::ON && caustics.finds_direct(&trail, &scatter, direct.light))
+            {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
@@ -186,8 +194,9 @@ impl Path {
                 let start = Start { place: Place::Surface(&s, &scatter), wo, media: &media };
                 caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
             }
-            let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
-            let u_roulette = stream.next_1d();
+            let mut numbers = stream.part(SCATTER_NUMBERS);
+            let u_lobe = if scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
+            let u = numbers.next_2d();
             let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
             throughput *= sample.value / sample.pdf;
             if throughput.is_black() {
@@ -216,7 +225,7 @@ impl Path {
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
             cone.scatter(pdf);
             last = Vertex { ctx, pdf, on_segment: None };
-            if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
+            if !self.survives(depth, &mut throughput, eta_scale, &mut numbers) {
                 return;
             }
         }
@@ -224,10 +233,10 @@ impl Path {
 
     /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not.
     #[inline]
-    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, u: f32) -> bool {
+    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, numbers: &mut SampleStream) -> bool {
         if depth >= self.rr_depth {
             let survive = (throughput.max_component() * eta_scale).min(0.95);
-            if u >= survive {
+            if numbers.next_1d() >= survive {
                 return false;
             }
             *throughput /= survive;

@@ -92,6 +92,22 @@ impl SampleStream {
         Self { dimension, ..*self }
     }
 
+    /// The next `numbers` as a stream of their own, and goes on behind them: what of them is not asked for is never made, and those that
+    /// follow stay the same.
+    #[inline]
+    pub fn part(&mut self, numbers: u32) -> Self {
+        let part = *self;
+        self.dimension += numbers;
+        part
+    }
+
+    /// Passes over a number that would not be used; returns 0.
+    #[inline]
+    pub fn skip_1d(&mut self) -> f32 {
+        self.dimension += 1;
+        0.0
+    }
+
     /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
     #[inline]
     fn dimension_hash(&self) -> [u32; 2] {

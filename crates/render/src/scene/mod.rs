@@ -132,27 +132,28 @@ impl Scene {
     /// The surface that a ray hits first.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
-        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
-        match &self.solids {
-            None => surface,
-            Some(solids) => {
-                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
-                solids.intersect(self, &Ray { t_max, ..*ray }).or(surface)
+        let hit = self.accel.intersect(ray);
+        if let Some(solids) = &self.solids {
+            let t_max = hit.as_ref().map_or(ray.t_max, |h| h.t);
+            if let Some(surface) = solids.intersect(self, &Ray { t_max, ..*ray }) {
+                return Some(surface);
             }
         }
+        // Made in place: a surface is large to copy.
+        hit.map(|hit| self.surface(ray, &hit))
     }
 
     /// The first surface in the way of light along a ray.
     #[inline]
     pub fn intersect_shadow(&self, ray: &Ray) -> Option<Surface> {
-        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
-        match &self.solids {
-            None => surface,
-            Some(solids) => {
-                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
-                solids.intersect_shadow(self, &Ray { t_max, ..*ray }).or(surface)
+        let hit = self.accel.intersect(ray);
+        if let Some(solids) = &self.solids {
+            let t_max = hit.as_ref().map_or(ray.t_max, |h| h.t);
+            if let Some(surface) = solids.intersect_shadow(self, &Ray { t_max, ..*ray }) {
+                return Some(surface);
             }
         }
+        hit.map(|hit| self.surface(ray, &hit))
     }
 
     /// Whether anything at all is in a ray's way.
