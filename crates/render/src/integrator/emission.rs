@@ -121,12 +121,8 @@ impl EmissionSampler {
             pdf_direction: sample.pdf_direction,
         };
         let from = &scene.lights[light as usize];
-        if self.may_hide && from.is_infinite() {
-            let behind = Ray::new(sample.o, -sample.d);
-            let hidden = if from.is_delta() { scene.shadowed(&behind) } else { scene.occluded(&behind) };
-            if hidden {
-                return None;
-            }
+        if self.may_hide && from.is_infinite() && scene.stops_light(&Ray::new(sample.o, -sample.d), from.is_delta()) {
+            return None;
         }
         // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.
         let power = emission.power();

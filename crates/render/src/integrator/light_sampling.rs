@@ -107,7 +107,7 @@ fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
 pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, to_lamp: bool, rng: &mut HashRng) -> Spectrum {
     if scene.has_null {
         transmittance_through_surfaces(scene, ray, *media, to_lamp, rng)
-    } else if (to_lamp && scene.shadowed(&ray)) || (!to_lamp && scene.occluded(&ray)) {
+    } else if scene.stops_light(&ray, to_lamp) {
         Spectrum::ZERO
     } else if let Some(medium) = scene.medium(media) {
         medium.transmittance(&ray, ray.t_max, rng)

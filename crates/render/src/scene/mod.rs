@@ -159,14 +159,15 @@ impl Scene {
     /// Whether anything at all is in a ray's way.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect(self, ray).is_some())
+        self.stops_light(ray, false)
     }
 
-    /// Whether anything casts a shadow along a ray to a light without extent. Other lights are met by rays as well, and these know
-    /// nothing of solids that cast none: they are in the way of all light but that of such lamps.
+    /// Whether anything is in the way of light along a ray; if `to_lamp`, that of a light without extent, for which solids may cast no
+    /// shadow. Other lights are met by rays as well, for which all solids are there.
     #[inline]
-    pub fn shadowed(&self, ray: &Ray) -> bool {
-        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect_shadow(self, ray).is_some())
+    pub fn stops_light(&self, ray: &Ray, to_lamp: bool) -> bool {
+        let solids = || self.solids.as_ref().and_then(|s| if to_lamp { s.intersect_shadow(self, ray) } else { s.intersect(self, ray) });
+        self.accel.occluded(ray) || solids().is_some()
     }
 
     /// Whether the surface that a ray of light from a lamp meets first is of a solid that casts no shadow.
