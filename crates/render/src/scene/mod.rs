@@ -1,6 +1,7 @@
 //! The compiled scene: flat arrays that no one changes after [`compile`].
 
 mod compile;
+mod curvature;
 pub mod geometry;
 mod losses;
 mod names;
@@ -158,7 +159,20 @@ impl Scene {
     /// Whether anything at all is in a ray's way.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect_shadow(self, ray).is_some())
+        self.stops_light(ray, false)
+    }
+
+    /// Whether anything is in the way of light along a ray; if `to_lamp`, that of a light without extent, for which solids may cast no
+    /// shadow. Other lights are met by rays as well, for which all solids are there.
+    #[inline]
+    pub fn stops_light(&self, ray: &Ray, to_lamp: bool) -> bool {
+        let solids = || self.solids.as_ref().and_then(|s| if to_lamp { s.intersect_shadow(self, ray) } else { s.intersect(self, ray) });
+        self.accel.occluded(ray) || solids().is_some()
+    }
+
+    /// Whether the surface that a ray of light from a lamp meets first is of a solid that casts no shadow.
+    pub fn casts_no_shadow(&self, ray: &Ray, s: &Surface) -> bool {
+        s.solid.is_some() && self.intersect_shadow(ray).is_none_or(|behind| behind.t > s.t)
     }
 
     /// Radiance of a light sample: textured emission is looked up where the sample is.
