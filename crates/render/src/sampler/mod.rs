@@ -129,6 +129,13 @@ impl SampleStream {
         independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
+    /// Passes over a pair, so that the numbers that follow are the same as after [`SampleStream::next_2d`]; returns zeros.
+    #[inline]
+    pub fn skip_2d(&mut self) -> Vec2 {
+        self.dimension += 2;
+        Vec2::ZERO
+    }
+
     /// The next pair, well distributed as a pair.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
