@@ -161,30 +161,55 @@ impl Superellipsoid {
     }
 }
 
+/// The part of a line within the box, in units of length from its middle.
+#[derive(Clone, Copy)]
+struct Part {
+    o: DVec3,
+    d: DVec3,
+    half: f64,
+    /// Line parameter of the middle, and length of its unit.
+    middle: f64,
+    speed: f64,
+}
+
+impl Part {
+    fn t(&self, s: f64) -> f64 {
+        self.middle + s / self.speed
+    }
+
+    fn crossing(&self, s: f64, t_min: f64, t_max: f64) -> Option<Crossing> {
+        let t = self.t(s);
+        (t > t_min && t < t_max).then(|| Crossing::new(t, 0))
+    }
+}
+
+impl Superellipsoid {
+    fn is_convex(&self) -> bool {
+        self.a >= 1.0 && self.b >= 1.0
+    }
+
+    /// `None` where the line misses the box between `t_min` and `t_max`.
+    fn part(&self, line: &Line, t_min: f64, t_max: f64) -> Option<Part> {
+        let speed = line.d.length();
+        if !(speed > 0.0) || !speed.is_finite() || !line.o.is_finite() {
+            return None;
+        }
+        let (lo, hi) = prism::clip(&self.bounds(), line, f64::NEG_INFINITY, f64::INFINITY)?;
+        let middle = 0.5 * (lo + hi);
+        (lo <= t_max && hi >= t_min).then(|| Part { o: line.at(middle), d: line.d / speed, half: 0.5 * (hi - lo) * speed, middle, speed })
+    }
+}
+
 impl Primitive for Superellipsoid {
     fn bounds(&self) -> Bounds {
         Bounds { min: DVec3::NEG_ONE, max: DVec3::ONE }
     }
 
     fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>) {
-        let speed = line.d.length();
-        if !(speed > 0.0) || !speed.is_finite() || !line.o.is_finite() {
-            return;
-        }
-        let Some((lo, hi)) = prism::clip(&self.bounds(), line, f64::NEG_INFINITY, f64::INFINITY) else { return };
-        if !(lo <= t_max && hi >= t_min) {
-            return;
-        }
-        // In units of length from the middle of the box's part.
-        let middle = 0.5 * (lo + hi);
-        let (o, d, half) = (line.at(middle), line.d / speed, 0.5 * (hi - lo) * speed);
-        let mut push = |s: f64| {
-            let t = middle + s / speed;
-            if t > t_min && t < t_max {
-                out.push(Crossing { t, part: 0, uv: DVec2::ZERO });
-            }
-        };
-        if self.a >= 1.0 && self.b >= 1.0 {
+        let Some(part) = self.part(line, t_min, t_max) else { return };
+        let mut push = |s: f64| out.extend(part.crossing(s, t_min, t_max));
+        let Part { o, d, half, .. } = part;
+        if self.is_convex() {
             if let Some(enter) = self.newton(o, d, -half, half) {
                 push(enter);
                 push(self.newton(o, d, half, enter).unwrap_or(enter));
@@ -192,6 +217,25 @@ impl Primitive for Superellipsoid {
         } else {
             self.search(o, d, -half, half, &mut push);
         }
+    }
+
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+        if self.is_convex() {
+            let part = self.part(line, t_min, t_max)?;
+            let enter = self.newton(part.o, part.d, -part.half, part.half)?;
+            // The far crossing takes as long to find as the near one, and mostly is not asked for.
+            let near = part.crossing(enter, t_min, t_max);
+            return near.or_else(|| {
+                let is_before = part.t(enter) <= t_min;
+                let exit = is_before.then(|| self.newton(part.o, part.d, part.half, enter).unwrap_or(enter))?;
+                part.crossing(exit, t_min, t_max)
+            });
+        }
+        let start = scratch.len();
+        self.crossings(line, t_min, t_max, scratch);
+        let nearest = scratch[start..].iter().copied().min_by(|a, b| a.t.total_cmp(&b.t));
+        scratch.truncate(start);
+        nearest
     }
 
     fn inside(&self, p: DVec3) -> bool {
