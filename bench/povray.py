@@ -52,9 +52,7 @@ SCENES = [
 
 def cpu(command: list[str], folder: Path, timeout: float) -> float | None:
     """Return the CPU seconds of a process, or None where it fails or takes too long."""
-    with subprocess.Popen(
-        command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
+    with subprocess.Popen(command, cwd=folder, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         end = time.time() + timeout
         while True:
             pid, status, usage = os.wait4(process.pid, os.WNOHANG)

@@ -48,7 +48,9 @@ def main() -> None:
     print("pub(crate) const STEP: [f64; 2] = [{!r}, {!r}];".format(*parts(LN2 / 128, 43)))
     print("/// 128 / ln 2.")
     print(f"pub(crate) const STEPS: f64 = {float(128 / LN2)!r};")
-    print("/// For each 128th of a mantissa: about its inverse, with nine bits after the point; minus the logarithm of that, as a multiple of")
+    print(
+        "/// For each 128th of a mantissa: about its inverse, with nine bits after the point; minus the logarithm of that, as a multiple of"
+    )
     print("/// 2⁻⁴², and the rest.")
     print("#[rustfmt::skip]\npub(crate) const LOG: [[f64; 3]; 128] = [")
     for row in logs:

@@ -13,7 +13,7 @@ class RenderSettings(TypedDict, total=False):
     spp: int | None
     """Samples per pixel."""
     antialias: float | None
-    """Smooth only pixels that differ from a neighbor by more than this, from 0 to 3, and take one sample of all others; 0 is off. POV-Ray scenes take 0.3 unless spp is given."""
+    """Smooth only pixels that differ from a neighbor by more than this, 0 to 3; 0 is off. POV-Ray scenes take 0.3 unless spp is given."""
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None

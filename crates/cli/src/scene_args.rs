@@ -12,7 +12,7 @@ use etendue_scene::{ReadError, SceneDesc};
 /// A scene file and how to read it.
 #[derive(Clone, Debug, clap::Args)]
 pub struct SceneArgs {
-    /// Scene file: Mitsuba 3 (.xml), POV-Ray (.pov), glTF (.gltf, .glb), .obj, .ply, .stl.
+    /// Scene file: Mitsuba 3 (.xml), POV-Ray (.pov), pbrt-v4 (.pbrt), glTF (.gltf, .glb), .obj, .ply, .stl.
     pub scene: PathBuf,
     /// Folder beside the scene's own in which it may read files; may be given several times.
     #[arg(short = 'L', long = "search-path", value_name = "FOLDER", help_heading = "Reading")]
@@ -29,6 +29,12 @@ pub struct SceneArgs {
     /// `clock` of a POV-Ray scene.
     #[arg(long, value_name = "NUMBER", default_value_t = 0.0, allow_negative_numbers = true, help_heading = "Reading")]
     pub clock: f64,
+    /// `frame_number` of a POV-Ray scene; 0 for a picture that is no frame of an animation.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, help_heading = "Reading")]
+    pub frame: i32,
+    /// `final_frame` of a POV-Ray scene.
+    #[arg(long, value_name = "NUMBER", default_value_t = 0, help_heading = "Reading")]
+    pub frames: i32,
     /// Folder in which a POV-Ray scene may write files (#fopen); without one they are kept in memory.
     #[arg(long, value_name = "FOLDER", help_heading = "Reading")]
     pub script_output: Option<PathBuf>,
@@ -75,7 +81,14 @@ impl SceneArgs {
                 [None, Some(n)] => [scaled(n, w, h), n],
                 [None, None] => [w, h],
             };
-            PovOptions { declares: self.defines.clone(), clock: self.clock, size, ..default }
+            let mut options = PovOptions { declares: self.defines.clone(), clock: self.clock, size, ..default };
+            if self.frame > 0 {
+                options.is_animation = true;
+                options.frame = self.frame;
+                options.frames = [1, self.frames.max(self.frame)];
+                options.clocks = [0.0, 1.0];
+            }
+            options
         });
         options.output_folder.clone_from(&self.script_output);
         options.probe = Some(Arc::new(WorldProbe::new()));

@@ -38,12 +38,23 @@ pub struct Context<'a> {
     pub inside: Option<&'a dyn Inside>,
     /// The scene's `noise_generator`: 1, 2 or 3.
     pub noise_generator: u8,
+    /// The scene's `number_of_waves`: 10 by default.
+    pub number_of_waves: u32,
 }
 
 impl Context<'_> {
     /// A bare point with noise generator 2, which is the default of scenes of version 3.7.
     pub fn at(p: DVec3) -> Self {
-        Self { p, normal: DVec3::ZERO, ray: DVec3::ZERO, uv: DVec2::ZERO, images: None, inside: None, noise_generator: 2 }
+        Self {
+            p,
+            normal: DVec3::ZERO,
+            ray: DVec3::ZERO,
+            uv: DVec2::ZERO,
+            images: None,
+            inside: None,
+            noise_generator: 2,
+            number_of_waves: 10,
+        }
     }
 
     /// The same at another point.

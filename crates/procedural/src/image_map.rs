@@ -75,7 +75,7 @@ pub enum Channel {
     Gray,
     /// Palette index (`use_index`).
     Index,
-    /// Opacity (`use_alpha`).
+    /// Transparency, 1 − alpha (`use_alpha`).
     Alpha,
 }
 
@@ -105,7 +105,7 @@ impl ImageMap {
         Some(Color { filter, transmit, ..Color::rgb(r, g, b) })
     }
 
-    /// The number (gray value, index of 255, or opacity) at the context's point; `None` where there is no picture.
+    /// The number (gray value, index of 255, or transparency) at the context's point; `None` where there is no picture.
     pub fn value(&self, context: &Context) -> Option<f64> {
         let view = View::new(self, context)?;
         let at = view.place(context.p)?;
@@ -213,12 +213,11 @@ impl<'a> View<'a> {
     fn pixel_value(&self, x: u32, y: u32) -> f64 {
         let id = self.map.image;
         let c = self.images.pixel(id, x, y);
-        let opacity = 1.0 - c.transmit;
+        // Measured with PNG: gray 128 and alpha 64 give 0.50196, and 0.74902 with `use_alpha`.
         match self.map.channel {
-            // Before a black ground.
-            Channel::Gray => gray(&c) * opacity,
+            Channel::Gray => gray(&c),
             Channel::Index => self.images.index(id, x, y).map_or_else(|| gray(&c), |i| f64::from(i) / 255.0),
-            Channel::Alpha => opacity,
+            Channel::Alpha => c.transmit,
         }
     }
 

@@ -22,6 +22,7 @@ pub mod normal;
 pub mod pattern;
 pub mod pigment;
 mod power;
+#[allow(clippy::approx_constant)] // √2 is one entry of a table.
 mod power_tables;
 pub mod spline;
 pub mod texture;

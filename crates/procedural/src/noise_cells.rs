@@ -125,22 +125,20 @@ pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, gen
     unit(distance(form.x, best[0]) + distance(form.y, best[1]) + distance(form.z, best[2]))
 }
 
+/// Most waves of a scene.
+const MOST_WAVES: usize = 1000;
+
 /// Centers of ripples and waves, on the unit sphere, and the frequencies of waves.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Waves {
-    centers: Vec<(DVec3, f64)>,
+    centers: &'static [(DVec3, f64)],
 }
 
 impl Waves {
-    /// The centers of `number_of_waves` (10 by default) of a scene's global settings; at most 10,000.
+    /// The centers of `number_of_waves` (10 by default) of a scene's global settings: 1 to 1000, others are moved into that range.
     pub fn new(number_of_waves: u32) -> Self {
-        let mut state = 0xde92_1401;
-        let centers = (0..number_of_waves.clamp(1, 10_000)).map(|k| {
-            state = step(state);
-            let frequency = f64::from(state >> 16 & 0x7fff) / 32_767.0 + 0.01;
-            (vector_noise(DVec3::new(f64::from(k), 0.0, 0.0), 2).normalize_or_zero(), frequency)
-        });
-        Self { centers: centers.collect() }
+        let count = (number_of_waves as usize).clamp(1, MOST_WAVES);
+        Self { centers: ALL_WAVES.get(..count).unwrap_or_default() }
     }
 
     /// The pattern `ripples`, in [0, 1]. `frequency` and `phase` are those of the pattern, which afterwards count again, as for all patterns.
@@ -176,8 +174,16 @@ impl Waves {
     }
 }
 
-/// The ten centers that scenes have without `number_of_waves`.
-pub(crate) static TEN_WAVES: LazyLock<Waves> = LazyLock::new(|| Waves::new(10));
+/// All centers and frequencies: those of fewer waves are the first of them.
+static ALL_WAVES: LazyLock<Vec<(DVec3, f64)>> = LazyLock::new(|| {
+    let mut state = 0xde92_1401;
+    let centers = (0..MOST_WAVES).map(|k| {
+        state = step(state);
+        let frequency = f64::from(state >> 16 & 0x7fff) / 32_767.0 + 0.01;
+        (vector_noise(DVec3::new(k as f64, 0.0, 0.0), 2).normalize_or_zero(), frequency)
+    });
+    centers.collect()
+});
 
 #[cfg(test)]
 mod tests {

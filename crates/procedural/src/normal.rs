@@ -5,7 +5,8 @@ use std::sync::Arc;
 use glam::{DMat4, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::{BlendMap, Context, ImageMap, Pattern, PatternKind, noise, noise_cells, pattern};
+use crate::noise_cells::Waves;
+use crate::{BlendMap, Context, ImageMap, Pattern, PatternKind, noise, pattern};
 
 /// A normal perturbation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -112,11 +113,11 @@ impl Normal {
             PatternKind::Quilted { control0, control1 } => n + self.amount * pattern::quilted_vector(p, *control0, *control1),
             PatternKind::Ripples => {
                 let wave = &self.pattern.wave;
-                n + self.amount * noise_cells::TEN_WAVES.ripples_vector(p, wave.frequency, wave.phase)
+                n + self.amount * Waves::new(inner.number_of_waves).ripples_vector(p, wave.frequency, wave.phase)
             }
             PatternKind::Waves => {
                 let wave = &self.pattern.wave;
-                n + self.amount * noise_cells::TEN_WAVES.waves_vector(p, wave.frequency, wave.phase)
+                n + self.amount * Waves::new(inner.number_of_waves).waves_vector(p, wave.frequency, wave.phase)
             }
             _ => self.bend_by_gradient(n, inner, |value| value),
         }
@@ -228,7 +229,7 @@ mod tests {
             (PatternKind::Quilted { control0: 1.0, control1: 1.0 }, 0.1625, 0.8375, [-0.1236, 0.1236]),
             (PatternKind::Ripples, 0.1625, 0.8375, [-0.0097, -0.1735]),
             (PatternKind::Waves, 0.3875, 0.8375, [-0.0307, 0.1073]),
-            (PatternKind::Crackle(crate::pattern::Crackle::default()), 0.1625, 0.8375, [-0.0099, -0.0364]),
+            (PatternKind::Crackle(pattern::Crackle::default()), 0.1625, 0.8375, [-0.0099, -0.0364]),
             (PatternKind::Granite, 0.6125, 0.8375, [-0.2537, 0.0587]),
         ] {
             let n = bent(&of(kind.clone()), x, y);

@@ -178,6 +178,7 @@ mod tests {
 
     /// Values written by POV-Ray 3.7.0 for these points.
     #[test]
+    #[allow(clippy::type_complexity)] // A table.
     fn agrees_with_pov_ray() {
         let cases: [(SplineKind, &[(f64, [f64; 3])]); 4] = [
             (

@@ -96,6 +96,23 @@ impl Texture {
         }
     }
 
+    /// Moves the texture with an object that it is on: what goes by surface coordinates stays (measured: POV-Ray's `uv_mapping` does not
+    /// follow transforms of the object, but those within the texture).
+    pub fn move_with_object(&mut self, world_from_old: &DMat4) {
+        match self {
+            Self::Layers(layers) => layers.iter_mut().for_each(|l| {
+                if !matches!(&l.pigment, Pigment::Patterned(p) if p.uv_mapping) {
+                    l.pigment.transform(world_from_old);
+                }
+                if let Some(n) = l.normal.as_mut().filter(|n| !n.uv_mapping) {
+                    n.transform(world_from_old);
+                }
+            }),
+            Self::Patterned(patterned) if patterned.uv_mapping => {}
+            Self::Patterned(patterned) => patterned.pattern.transform(world_from_old),
+        }
+    }
+
     /// Layers, where this is a plain or layered texture.
     pub fn layers(&self) -> Option<&[Layer]> {
         match self {

@@ -164,7 +164,7 @@ fn things_nearer_than_a_thousandth_cast_no_shadow() {
         pixel(scene(vec![slab(Color::rgb(1.0, 1.0, 1.0), lit.clone()), Arc::new(blocker)], vec![sun(45.0)]))
     };
     near(seen(9e-4), [0.0; 3]);
-    near(seen(5e-4), [0.7071; 3]);
+    near(seen(5e-4), [std::f64::consts::FRAC_1_SQRT_2; 3]);
 }
 
 /// A scene with a bit of everything.

@@ -41,7 +41,15 @@ fn everything() -> SceneDesc {
     emit(&mut desc, light, Color::Constant([4.0, 3.0, 2.0]));
     let sky = (0..8 * 4 * 3).map(|i| 0.1 + (i * 7 % 11) as f32 * 0.05).collect();
     let image = picture(&mut desc, 8, 4, 3, sky);
-    add(&mut desc, LightDesc::Environment { image, scale: [1.0; 3], world_from_light: Mat4::from_rotation_x(1.57) });
+    add(
+        &mut desc,
+        LightDesc::Environment {
+            image,
+            scale: [1.0; 3],
+            world_from_light: Mat4::from_rotation_x(1.57),
+            mapping: EnvironmentMapping::Equirectangular,
+        },
+    );
     let spot = LightDesc::Spot {
         world_from_light: look_at(Vec3::new(3.0, -3.0, 3.0), Vec3::ZERO),
         intensity: [20.0; 3],

@@ -11,7 +11,7 @@ params! {
         height: Option<u32> = None, "integer", "pixels";
         /// Samples per pixel.
         spp: Option<u32> = None, "integer", "samples";
-        /// Smooth only pixels that differ from a neighbor by more than this, from 0 to 3, and take one sample of all others; 0 is off. POV-Ray scenes take 0.3 unless spp is given.
+        /// Smooth only pixels that differ from a neighbor by more than this, 0 to 3; 0 is off. POV-Ray scenes take 0.3 unless spp is given.
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use etendue_scene::desc::MeshFormat;
-use etendue_scene::formats::{ReadOptions, mesh, mitsuba, pbrt};
+use etendue_scene::formats::{ReadOptions, mesh, mitsuba, pbrt, pov};
 use support::corpus;
 
 /// SplitMix64 (Steele, Lea, Flood 2014, doi:10.1145/2660193.2660195).
@@ -60,6 +60,16 @@ const WORDS: &[&[u8]] = &[
     b"AttributeBegin\n",
     b"Include \"a\"\n",
     b"[",
+    b"#while(1) ",
+    b"#macro M(A) ",
+    b"#end ",
+    b"M(M(1))",
+    b"array[9999999]",
+    b"{",
+    b"}",
+    b"#declare A=",
+    b"0/0",
+    b"1e300",
 ];
 
 fn mutate(random: &mut Random, seeds: &[(String, Vec<u8>)]) -> Vec<u8> {
@@ -127,6 +137,15 @@ fn mitsuba() {
 fn pbrt_scenes() {
     fuzz("pbrt", 3, 4000, |bytes| {
         let _ = pbrt::read_bytes(Path::new("fuzz.pbrt"), bytes, &ReadOptions::default());
+    });
+}
+
+#[test]
+fn pov_scenes() {
+    fuzz("pov", 4, 2000, |bytes| {
+        let mut options = ReadOptions::default();
+        options.pov.work_limit = 100_000;
+        let _ = pov::read_bytes(Path::new("fuzz.pov"), bytes, &options);
     });
 }
 

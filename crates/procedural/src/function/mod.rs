@@ -119,6 +119,11 @@ impl Function {
         matches!(self.body, Body::Pigment(_) | Body::Transform(_) | Body::Spline(_))
     }
 
+    /// False for the internal functions that have the value 0 because their formula is not known.
+    pub fn is_known(&self) -> bool {
+        !matches!(self.body, Body::Internal(f) if !f.is_known())
+    }
+
     /// Length of the longest chain of functions that it calls, itself included.
     pub fn depth(&self) -> u32 {
         self.depth

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::{Pattern, PatternKind, Slope, simple};
 use crate::noise::{self, Turbulence};
+use crate::noise_cells::Waves;
 use crate::{Context, fns, noise_cells};
 
 impl Pattern {
@@ -42,8 +43,8 @@ impl Pattern {
             PatternKind::Planar => 1.0 - p.y.abs().min(1.0),
             PatternKind::Quilted { control0, control1 } => simple::quilted(p, *control0, *control1),
             PatternKind::Radial => simple::radial(p),
-            PatternKind::Ripples => noise_cells::TEN_WAVES.ripples(p, self.wave.frequency, self.wave.phase),
-            PatternKind::Waves => noise_cells::TEN_WAVES.waves(p, self.wave.frequency, self.wave.phase),
+            PatternKind::Ripples => Waves::new(inner.number_of_waves).ripples(p, self.wave.frequency, self.wave.phase),
+            PatternKind::Waves => Waves::new(inner.number_of_waves).waves(p, self.wave.frequency, self.wave.phase),
             PatternKind::Slope(slope) => slope.value(p, inner.normal),
             PatternKind::Spherical => 1.0 - p.length().min(1.0),
             PatternKind::Spiral1(arms) => simple::spiral1(p, *arms, self.spiral_turbulence(p, generator)),

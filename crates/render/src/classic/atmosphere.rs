@@ -1,7 +1,7 @@
 //! What fills space: background, sky, fog, rainbows.
 
 use etendue_procedural::noise::turbulence;
-use etendue_procedural::{Context, fns};
+use etendue_procedural::{Color, Context, fns};
 use etendue_scene::desc::classic::{Fog, Rainbow};
 use glam::DVec3;
 
@@ -20,10 +20,12 @@ impl ClassicWorld {
         let mut passing = DVec3::ONE;
         let mut opaque = 0.0;
         if let Some(sky) = &self.scene.sky {
-            for pigment in sky.pigments.iter().rev() {
+            let old = self.settings().version < 370;
+            for (i, pigment) in sky.pigments.iter().enumerate().rev() {
                 let c = pigment.color(&Context { ray: d, ..self.context(d) });
                 color += passing * c.rgb * c.opacity().max(0.0) * sky.emission;
-                passing *= c.passing();
+                // Before version 3.7 `filter` passed like `transmit` from pigment to pigment, but not to the background (measured).
+                passing *= if old && i > 0 { DVec3::splat(c.filter + c.transmit) } else { c.passing() };
                 opaque = 1.0;
                 if passing == DVec3::ZERO {
                     return (color, 1.0);
@@ -76,17 +78,20 @@ impl ClassicWorld {
     }
 
     fn fog_transmittance(&self, fog: &Fog, line: &Line, t: f64) -> f64 {
-        let mut depth = match fog.kind {
+        let depth = match fog.kind {
             1 => t,
             _ => ground_depth(fog, line, t),
-        } / fog.distance;
-        if fog.turbulence != DVec3::ZERO {
-            // Somewhere along the ray the fog is stirred; `turb_depth` says how far along.
-            let p = line.at(t.min(FAR) * fog.turb_depth) * fog.turbulence;
-            let stirred = turbulence(p, &fog.octaves, self.settings().noise_generator);
-            depth *= (1.0 - fog.turbulence.length().min(1.0) * stirred).max(0.0);
+        } / fog.distance.abs();
+        let left = fns::exp(-depth);
+        if fog.turbulence == DVec3::ZERO {
+            return left;
         }
-        fns::exp(-depth)
+        // Stirred fog is thinner, by the turbulence halfway along the ray and by what constant fog of that length would let through,
+        // in ground fog as well. The formula fits measured pictures to 1e−4.
+        let left = fns::exp(-t / fog.distance.abs());
+        let p = line.at(0.5 * t) * fog.turbulence;
+        let stirred = (turbulence(p, &fog.octaves, self.settings().noise_generator) * fog.turb_depth).min(1.0);
+        fns::exp(-depth * (1.0 - left * stirred))
     }
 }
 
@@ -113,7 +118,7 @@ fn ground_depth(fog: &Fog, line: &Line, t: f64) -> f64 {
 }
 
 /// What a rainbow lets through and its color, where the ray meets it.
-fn rainbow_color(r: &Rainbow, d: DVec3, t: f64) -> Option<(f64, etendue_procedural::Color)> {
+fn rainbow_color(r: &Rainbow, d: DVec3, t: f64) -> Option<(f64, Color)> {
     let axis = r.direction.try_normalize()?;
     let colors = r.colors.as_ref()?;
     if r.distance == 0.0 || r.width == 0.0 {

@@ -55,6 +55,11 @@ impl Rays {
         }
     }
 
+    /// Where the camera stands.
+    pub(super) fn location(&self) -> DVec3 {
+        self.camera.location
+    }
+
     /// The longest ray.
     pub(super) fn max_distance(&self) -> f64 {
         self.mesh.as_ref().map_or(f64::INFINITY, MeshRays::max_distance)

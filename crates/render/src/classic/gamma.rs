@@ -6,11 +6,13 @@
 use etendue_procedural::fns;
 use etendue_scene::desc::classic::GlobalSettings;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// How numbers of the working space become linear light.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub enum WorkingSpace {
     /// As they are.
+    #[default]
     Linear,
     /// By a power.
     Power(f64),

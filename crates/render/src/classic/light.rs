@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::atomic::AtomicU32;
 
-use crate::solid::World;
+use crate::solid::{Line, World};
 
 /// A light source ready for use.
 pub(super) struct Lamp {
@@ -106,6 +106,31 @@ impl Lamp {
             return 0.0;
         };
         step * tighten((1.0 - aside / falloff.max(radius)).max(0.0), self.light.tightness)
+    }
+
+    /// Where a line enters and leaves the cone or cylinder.
+    pub(super) fn crossings(&self, line: &Line) -> arrayvec::ArrayVec<f64, 2> {
+        let o = line.o - self.light.location;
+        let (oa, da) = (o.dot(self.axis), line.d.dot(self.axis));
+        // |q|² − (q·a)² (1 + tan²) = 0 on the cone, |q|² − (q·a)² − r² = 0 on the cylinder.
+        let (k, r2) = match self.light.kind {
+            LightKind::Cylinder => (1.0, self.light.falloff * self.light.falloff),
+            _ => (1.0 / (self.cos_falloff * self.cos_falloff).max(1e-12), 0.0),
+        };
+        let a = 1.0 - k * da * da;
+        let b = o.dot(line.d) - k * oa * da;
+        let c = o.length_squared() - k * oa * oa - r2;
+        let root = b * b - a * c;
+        let mut out = arrayvec::ArrayVec::new();
+        if root > 0.0 && a.abs() > 1e-12 {
+            for t in [(-b - root.sqrt()) / a, (-b + root.sqrt()) / a] {
+                // Of the cone's two halves only the one in front of the light counts.
+                if oa + t * da > 0.0 && t.is_finite() {
+                    out.push(t);
+                }
+            }
+        }
+        out
     }
 
     /// Where the point (i, j) of an area light's grid is, moved by `jitter` in cells, as seen from `p`.

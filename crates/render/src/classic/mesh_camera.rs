@@ -80,7 +80,8 @@ impl MeshRays {
 
     fn leave(&self, face: &Face, w: DVec3) -> Line {
         let p = face.p[0] * w.x + face.p[1] * w.y + face.p[2] * w.z;
-        let flat = (face.p[1] - face.p[0]).cross(face.p[2] - face.p[0]).normalize_or(DVec3::Y);
+        // Left-handed: to the side from which the corners run clockwise.
+        let flat = (face.p[2] - face.p[0]).cross(face.p[1] - face.p[0]).normalize_or(DVec3::Y);
         let mut n = flat;
         if self.smooth && self.distribution == 3 {
             n = (face.n[0] * w.x + face.n[1] * w.y + face.n[2] * w.z).normalize_or(flat);
@@ -99,7 +100,7 @@ fn faces(object: &Object) -> Vec<Face> {
     (0..mesh.faces.len())
         .map(|i| {
             let p = [0, 1, 2].map(|k| m.transform_point3(mesh.vertices.get(corner(&mesh.faces, i, k)).copied().unwrap_or_default()));
-            let flat = (p[1] - p[0]).cross(p[2] - p[0]);
+            let flat = (p[2] - p[0]).cross(p[1] - p[0]);
             let n = [0, 1, 2].map(|k| {
                 let n = mesh.normals.get(corner(&mesh.normal_faces, i, k));
                 n.map_or(flat, |n| (world_from_normal * *n).normalize_or(flat))

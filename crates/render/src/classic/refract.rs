@@ -6,9 +6,9 @@ use etendue_procedural::fns;
 use etendue_scene::desc::classic::{Interior, Object};
 use glam::DVec3;
 
-/// Tells objects apart: leaves of the world do not move.
+/// Tells objects apart: parts of a combination with one interior are one (measured), and leaves of the world do not move.
 pub(super) fn identity(object: &Object) -> usize {
-    std::ptr::from_ref(object) as usize
+    object.interior.as_ref().map_or(std::ptr::from_ref(object) as usize, |i| Arc::as_ptr(i) as usize)
 }
 
 /// An object that a ray is inside of.
@@ -31,13 +31,20 @@ pub(super) type Stack = Vec<Within>;
 /// Most objects that a ray may be inside of; it enters no more.
 const DEPTH_LIMIT: usize = 100;
 
+/// The index of refraction for a color of the split light, from 0 for red to 1 for violet; the middle where light is whole.
+fn ior_of(interior: &Interior, band: Option<f64>) -> f64 {
+    match band {
+        Some(t) if interior.dispersion != 1.0 => interior.ior * fns::pow(interior.dispersion.max(1e-6), t - 0.5),
+        _ => interior.ior,
+    }
+}
+
 /// The stack beyond a surface, and the index of refraction there over that here.
-pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>) -> (Stack, f64) {
-    let ior_of = |i: &Option<Arc<Interior>>| i.as_ref().map_or(1.0, |i| i.ior);
-    let own = if object.interior.is_some() { ior_of(&object.interior) } else { old_ior.unwrap_or(1.0) };
+pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>, band: Option<f64>) -> (Stack, f64) {
+    let own = object.interior.as_ref().map_or(old_ior.unwrap_or(1.0), |i| ior_of(i, band));
     let mut next = stack.clone();
     let id = identity(object);
-    let outside = |s: &Stack| s.iter().rev().find_map(|w| w.interior.as_ref().map(|i| i.ior)).unwrap_or(1.0);
+    let outside = |s: &Stack| s.iter().rev().find_map(|w| w.interior.as_ref().map(|i| ior_of(i, band))).unwrap_or(1.0);
     match next.iter().rposition(|w| w.identity == id) {
         Some(at) => {
             next.remove(at);
@@ -55,6 +62,33 @@ pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>) -> (S
     }
 }
 
+/// Light of red, green and blue up to a place of the spectrum of split light (t, red, green, blue), read from pictures of POV-Ray in which a
+/// surface splits light into 2, 3 and 7 colors.
+const SPECTRUM: [[f64; 4]; 11] = [
+    [0.0, 0.0, 0.0, 0.0],
+    [1.0 / 7.0, 0.2570, 0.0, 0.0],
+    [2.0 / 7.0, 0.6737, 0.1506, 0.0],
+    [1.0 / 3.0, 0.7950, 0.2636, 0.0],
+    [3.0 / 7.0, 0.9445, 0.5293, 0.0],
+    [0.5, 0.9543, 0.7276, 0.0122],
+    [4.0 / 7.0, 0.9543, 0.8905, 0.0980],
+    [2.0 / 3.0, 0.9543, 0.9984, 0.3018],
+    [5.0 / 7.0, 0.9543, 1.0, 0.4250],
+    [6.0 / 7.0, 0.9573, 1.0, 0.7915],
+    [1.0, 0.9938, 1.0, 0.9962],
+];
+
+/// The color of one of `n` parts of split light; all parts together are about white.
+pub(super) fn band_color(i: u32, n: u32) -> DVec3 {
+    let n = f64::from(n.max(1));
+    let up_to = |t: f64| {
+        let k = SPECTRUM.partition_point(|row| row[0] < t).clamp(1, SPECTRUM.len() - 1);
+        let ([t0, r0, g0, b0], [t1, r1, g1, b1]) = (SPECTRUM[k - 1], SPECTRUM[k]);
+        DVec3::new(r0, g0, b0).lerp(DVec3::new(r1, g1, b1), ((t - t0) / (t1 - t0)).clamp(0.0, 1.0))
+    };
+    up_to((f64::from(i) + 1.0) / n) - up_to(f64::from(i) / n)
+}
+
 /// The refracted direction by Snell's law for a unit direction `d` against the unit normal `n` (d · n < 0) and the ratio of the index
 /// beyond to the index here; `None` where light is totally reflected.
 pub(super) fn refracted(d: DVec3, n: DVec3, ratio: f64) -> Option<DVec3> {
@@ -67,7 +101,8 @@ pub(super) fn refracted(d: DVec3, n: DVec3, ratio: f64) -> Option<DVec3> {
 /// What an interior leaves of light over a depth: color + (1 − color) / (1 + (depth / distance) ^ power), exponential for powers from 1000
 /// (documentation, "Attenuation").
 pub(super) fn attenuation(interior: &Interior, depth: f64) -> DVec3 {
-    if !(interior.fade_power > 0.0) || interior.fade_distance == 0.0 {
+    // A power of 0 halves the light at any depth (measured); without a distance there is no fading.
+    if interior.fade_distance == 0.0 {
         return DVec3::ONE;
     }
     let d = depth.max(0.0) / interior.fade_distance.abs();
@@ -87,6 +122,15 @@ fn exponential(color: DVec3, d: f64) -> DVec3 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn split_light_has_the_colors_measured() {
+        for (n, i, color) in [(7, 2, [0.2708, 0.3787, 0.0]), (3, 1, [0.1593, 0.7348, 0.3018]), (2, 1, [0.0395, 0.2724, 0.984])] {
+            assert!((band_color(i, n) - DVec3::from(color)).abs().max_element() < 2e-4);
+        }
+        let all: DVec3 = (0..20).map(|i| band_color(i, 20)).sum();
+        assert!((all - DVec3::ONE).abs().max_element() < 0.01);
+    }
 
     #[test]
     fn refraction_follows_snell() {

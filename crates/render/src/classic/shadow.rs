@@ -23,6 +23,7 @@ struct Pass {
     interior: Option<Arc<Interior>>,
     /// Cosine between the ray and the outward normal: negative where the ray enters.
     cos: f64,
+    hollow: bool,
 }
 
 impl<'a> Tracer<'a, '_> {
@@ -54,6 +55,7 @@ impl<'a> Tracer<'a, '_> {
         let mut passing = DVec3::ONE;
         if lamp.light.media_attenuation {
             passing *= world.fog_passing(&line, distance);
+            passing *= world.media_passing(&world.scene.atmosphere, &line, [0.0, distance]);
         }
         if lamp.light.shadowless || !(distance > NEAR) {
             return passing;
@@ -67,7 +69,14 @@ impl<'a> Tracer<'a, '_> {
                 return false;
             }
             let interior = hit.object.interior.clone();
-            passes.push(Pass { t: hit.t, identity: identity(hit.object), color, interior, cos: hit.n.dot(line.d) });
+            passes.push(Pass {
+                t: hit.t,
+                identity: identity(hit.object),
+                color,
+                interior,
+                cos: hit.n.dot(line.d),
+                hollow: hit.object.hollow,
+            });
             true
         });
         if blocked || dark {
@@ -83,10 +92,17 @@ impl<'a> Tracer<'a, '_> {
             if interior.caustics != 0.0 {
                 passing *= focus(interior.caustics, pass.cos);
             }
-            if interior.fade_power > 0.0 && pass.cos > 0.0 {
+            if pass.cos > 0.0 {
                 // The way inside: back to where the ray entered, or to the lit point.
                 let entry = passes[..i].iter().rev().find(|e| e.identity == pass.identity && e.cos < 0.0);
-                passing *= attenuation(interior, pass.t - entry.map_or(0.0, |e| e.t));
+                let from = entry.map_or(0.0, |e| e.t);
+                // Only whole ways fade, and only with a power (both measured).
+                if entry.is_some() && interior.fade_power > 0.0 {
+                    passing *= attenuation(interior, pass.t - from);
+                }
+                if pass.hollow && !interior.media.is_empty() {
+                    passing *= world.media_passing(&interior.media, &line, [from, pass.t]);
+                }
             }
         }
         passing

@@ -1,11 +1,11 @@
 //! Surfaces: layers of a texture under every light, with mirrored and refracted rays.
 
 use arrayvec::ArrayVec;
-use etendue_procedural::{Color, Context, Layer};
+use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
-use super::finish::{diffuse, highlights, metallic, reflectance, reflected};
-use super::refract::{beyond, refracted};
+use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
+use super::refract::{Stack, band_color, beyond, refracted};
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, RayKind, SolidHit};
@@ -51,6 +51,8 @@ struct Place<'a, 'h> {
     view: DVec3,
     /// Lights and their colors here, once they are known: direction and color.
     lights: Option<Few<Lit>>,
+    /// Light of surfaces around, once it is known.
+    around: Option<DVec3>,
 }
 
 /// A light as it arrives.
@@ -59,6 +61,14 @@ struct Lit {
     d: DVec3,
     color: DVec3,
     highlights: bool,
+}
+
+/// Most layers of a texture whose mirrors count.
+const MIRRORS: usize = 32;
+
+/// Where light goes on behind a surface with the perturbed normal `n` over `flat`; `None` where it is totally reflected.
+fn through(d: DVec3, n: DVec3, flat: DVec3, ratio: f64) -> Option<DVec3> {
+    if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { flat }, ratio) }
 }
 
 impl<'a> Tracer<'a, '_> {
@@ -85,8 +95,8 @@ impl<'a> Tracer<'a, '_> {
                 leaf: hit.leaf,
             });
         }
-        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None };
-        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0 };
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None };
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for stack in stacks.iter() {
             let traced = self.stack(&mut place, stack);
             sum.color += traced.color * stack.weight;
@@ -106,11 +116,12 @@ impl<'a> Tracer<'a, '_> {
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
         let mut across = None;
-        let mut ratio = || across.get_or_insert_with(|| beyond(&ray.inside, place.hit.object, old)).1;
+        let mut ratio = || across.get_or_insert_with(|| beyond(&ray.inside, place.hit.object, old, ray.band)).1;
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
         let mut albedo = DVec3::ZERO;
+        let mut mirrors: ArrayVec<(DVec3, DVec3, &Finish), MIRRORS> = ArrayVec::new();
         for layer in stack.layers.iter().rev() {
             let pigment = layer.pigment.color(&context);
             let n = match &layer.normal {
@@ -119,20 +130,25 @@ impl<'a> Tracer<'a, '_> {
             };
             top_normal.get_or_insert(n);
             let finish = &*layer.finish;
-            let opacity = pigment.opacity().max(0.0);
+            let opacity = opacity(&pigment, settings.version);
             if opacity != 0.0 {
                 albedo += passing * pigment.rgb * opacity;
-                color += passing * pigment.rgb * (finish.ambient * settings.ambient_light + finish.emission) * opacity;
+                let mut glow = finish.emission;
+                // Radiosity stands in for ambient light, but in scenes that end in an older version counts beside it (measured).
+                if settings.radiosity.is_none() || settings.version < 370 {
+                    glow += finish.ambient * settings.ambient_light;
+                }
+                if settings.radiosity.is_some() && finish.diffuse != 0.0 {
+                    glow += self.around(place, n) * finish.diffuse;
+                }
+                color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
             let ior = if finish.reflection.fresnel { ratio() } else { 1.0 };
             let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ior, pigment.rgb);
-            if peak(mirror.abs()) > 0.0 {
-                let weight = ray.weight * peak((passing * mirror).abs());
-                if weight >= settings.adc_bailout {
-                    let seen = self.mirrored(place, n, weight);
-                    color += passing * mirror * reflected(&finish.reflection, seen);
-                }
+            let share = passing * mirror;
+            if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
+                let _ = mirrors.try_push((share, n, finish));
             }
             passing *= pigment.passing();
             if finish.conserve_energy {
@@ -146,22 +162,49 @@ impl<'a> Tracer<'a, '_> {
             first.albedo += albedo * stack.weight;
         }
         let mut alpha = 1.0;
+        let n = top_normal.unwrap_or(place.n);
+        if peak(passing.abs()) > 0.0 && through(ray.line.d, n, place.n, ratio()).is_none() {
+            // Light that is totally reflected is not colored, and there is no other mirror (measured).
+            mirrors.clear();
+            color += self.mirrored(place, n, ray.weight);
+            passing = DVec3::ZERO;
+        }
+        for (share, n, finish) in mirrors {
+            let seen = self.mirrored(place, n, ray.weight * peak(share.abs()));
+            color += share * reflected(&finish.reflection, seen);
+        }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let (next, ratio) = across.unwrap_or_else(|| beyond(&ray.inside, place.hit.object, old));
-            let beyond = self.beyond(place, top_normal.unwrap_or(place.n), next, ratio, weight);
+            let (next, ratio) = across.unwrap_or_else(|| beyond(&ray.inside, place.hit.object, old, ray.band));
+            let beyond = match self.colors(place) {
+                Some(colors) => self.split(place, n, old, colors, weight),
+                _ => self.beyond(place, n, next, ratio, ray.band, weight),
+            };
             color += passing * beyond.color;
             alpha = 1.0 - peak(passing) * (1.0 - beyond.alpha);
         }
-        Traced { color, alpha: alpha.clamp(0.0, 1.0) }
+        Traced { color, alpha: alpha.clamp(0.0, 1.0), t: 0.0 }
+    }
+
+    /// Light of surfaces around a place, for its normal or, with `normal on`, the perturbed one.
+    fn around(&mut self, place: &mut Place<'a, '_>, n: DVec3) -> DVec3 {
+        let perturbed = self.world.settings().radiosity.as_ref().is_some_and(|r| r.normal);
+        if perturbed {
+            return self.gathered(place.hit.p, n, place.ray);
+        }
+        if place.around.is_none() {
+            place.around = Some(self.gathered(place.hit.p, place.n, place.ray));
+        }
+        place.around.unwrap_or_default()
     }
 
     /// Diffuse light and highlights of a layer under all lights.
     fn lit(&mut self, place: &mut Place<'a, '_>, layer: &Layer, pigment: &Color, n: DVec3, opacity: f64) -> DVec3 {
         let finish = &*layer.finish;
-        let shines = finish.phong != 0.0 || finish.specular != 0.0;
+        let shines = place.ray.gather == 0 && (finish.phong != 0.0 || finish.specular != 0.0);
         let scatters = opacity != 0.0 && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
-        if !shines && !scatters {
+        let unseen = self.gathering.as_ref().is_some_and(|g| !g.sees_lights(place.ray.gather));
+        if unseen || !shines && !scatters {
             return DVec3::ZERO;
         }
         if place.lights.is_none() {
@@ -170,9 +213,13 @@ impl<'a> Tracer<'a, '_> {
         let Some(lights) = place.lights.take() else { return DVec3::ZERO };
         let both = place.hit.object.double_illuminate;
         let mut sum = DVec3::ZERO;
+        let settings = self.world.settings();
+        let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
+        let wavelengths = settings.irid_wavelength;
         for light in lights.iter() {
             let cos = n.dot(light.d);
             let front = light.d.dot(place.n) > 0.0;
+            let mut answer = DVec3::ZERO;
             if scatters {
                 let share = if front {
                     diffuse(finish, finish.diffuse, cos.max(0.0))
@@ -184,15 +231,19 @@ impl<'a> Tracer<'a, '_> {
                 if finish.crand > 0.0 && share > 0.0 {
                     share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
                 }
-                sum += light.color * pigment.rgb * share;
+                answer += light.color * pigment.rgb * share;
             }
             if shines && light.highlights && (front || both) {
                 let (n, cos) = if front { (n, cos) } else { (-n, -cos) };
                 let strength = highlights(finish, n, light.d, place.view);
                 if strength != 0.0 {
-                    sum += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
+                    answer += light.color * metallic(pigment.rgb, finish.metallic, cos) * strength;
                 }
             }
+            if let Some(film) = film {
+                answer *= iridescence(&film, n.dot(light.d), n.dot(place.view), wavelengths);
+            }
+            sum += answer;
         }
         place.lights = Some(lights);
         sum
@@ -264,26 +315,43 @@ impl<'a> Tracer<'a, '_> {
             depth: place.ray.depth + 1,
             weight,
             inside: place.ray.inside.clone(),
-            split: place.ray.split,
+            gather: place.ray.gather,
+            band: place.ray.band,
         };
         self.trace(&ray).color
     }
 
+    /// Into how many colors the surface splits light.
+    fn colors(&self, place: &Place<'a, '_>) -> Option<u32> {
+        let interior = place.hit.object.interior.as_ref()?;
+        (place.ray.band.is_none() && interior.dispersion != 1.0).then_some(interior.dispersion_samples.clamp(2, 1000))
+    }
+
+    /// What is seen through a surface that splits light: each color goes its own way.
+    fn split(&mut self, place: &Place<'a, '_>, n: DVec3, old: Option<f64>, colors: u32, weight: f64) -> Traced {
+        let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
+        for i in 0..colors {
+            let band = Some((f64::from(i) + 0.5) / f64::from(colors));
+            let (next, ratio) = beyond(&place.ray.inside, place.hit.object, old, band);
+            let seen = self.beyond(place, n, next, ratio, band, weight);
+            sum.color += seen.color * band_color(i, colors);
+            sum.alpha += seen.alpha / f64::from(colors);
+        }
+        sum
+    }
+
     /// What is seen through the surface.
-    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: super::refract::Stack, ratio: f64, weight: f64) -> Traced {
+    fn beyond(&mut self, place: &Place<'a, '_>, n: DVec3, next: Stack, ratio: f64, band: Option<f64>, weight: f64) -> Traced {
         let ray = place.ray;
         let d = ray.line.d;
-        let through = if ratio == 1.0 { Some(d) } else { refracted(d, if d.dot(n) < 0.0 { n } else { place.n }, ratio) };
-        let Some(through) = through else {
-            return Traced { color: self.mirrored(place, n, weight), alpha: 1.0 };
-        };
+        let through = through(d, n, place.n, ratio).unwrap_or(d);
         let line = Line { o: place.hit.p, d: through.normalize_or(d) };
         // Rays that go straight on do not count as a level of their own, but take one to be there (measured).
         if ray.level + 1 >= self.max_level {
-            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+            return Traced { color: DVec3::ZERO, alpha: 1.0, t: 0.0 };
         }
         let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
-        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, split: ray.split };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, band };
         self.trace(&on)
     }
 }

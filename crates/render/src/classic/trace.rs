@@ -2,6 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
+use super::radiosity::Gathering;
 use super::refract::{Stack, Within, attenuation};
 use super::{ClassicWorld, gray};
 use crate::sampler::SampleStream;
@@ -13,7 +14,7 @@ pub(super) const NEAR: f64 = 1e-4;
 const RAY_LIMIT: u32 = 200_000;
 
 /// Rays that lead to each other: what stands in for the stack of the thread.
-const DEPTH_LIMIT: u32 = 400;
+pub(super) const DEPTH_LIMIT: u32 = 400;
 
 /// A ray to be followed.
 pub(super) struct Ray {
@@ -27,8 +28,10 @@ pub(super) struct Ray {
     pub(super) weight: f64,
     /// What it is inside of.
     pub(super) inside: Stack,
-    /// Its light has been split by dispersion already.
-    pub(super) split: bool,
+    /// How often light between diffuse surfaces was gathered on its way: 0 from the camera.
+    pub(super) gather: u32,
+    /// Its color, where light has been split by dispersion: from 0 for red to 1 for violet.
+    pub(super) band: Option<f64>,
 }
 
 /// What a ray brings.
@@ -37,6 +40,8 @@ pub(super) struct Traced {
     pub(super) color: DVec3,
     /// 0 where nothing hides what is behind the scene.
     pub(super) alpha: f64,
+    /// How far the ray went.
+    pub(super) t: f64,
 }
 
 /// What a camera ray hit first.
@@ -55,7 +60,10 @@ pub(super) struct Tracer<'a, 's> {
     pub(super) stream: &'s mut SampleStream,
     pub(super) max_level: u32,
     rays: u32,
+    pub(super) ray_limit: u32,
     pub(super) first: Option<First>,
+    /// Radiosity, where it is on.
+    pub(super) gathering: Option<Gathering<'a>>,
     /// Surface coordinates of the first hit are asked for.
     pub(super) wants_uv: bool,
 }
@@ -63,7 +71,13 @@ pub(super) struct Tracer<'a, 's> {
 impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn new(world: &'a ClassicWorld, stream: &'s mut SampleStream, max_level: Option<u32>) -> Self {
         let max_level = max_level.unwrap_or(world.settings().max_trace_level).min(256);
-        Self { world, stream, max_level, rays: 0, first: None, wants_uv: false }
+        let gathering = world.radiosity.as_ref().map(Gathering::finished);
+        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering, wants_uv: false }
+    }
+
+    /// Rays followed so far.
+    pub(super) fn rays(&self) -> u32 {
+        self.rays
     }
 
     /// A point in a unit square about the origin, to move a point of an area light within its cell.
@@ -78,7 +92,7 @@ impl<'a, 's> Tracer<'a, 's> {
             Some((o, around)) if *o == line.o => around.clone(),
             _ => self.world.around(line.o),
         };
-        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, split: false };
+        let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, band: None };
         self.follow(&ray, max_distance)
     }
 
@@ -89,8 +103,8 @@ impl<'a, 's> Tracer<'a, 's> {
 
     fn follow(&mut self, ray: &Ray, max_distance: f64) -> Traced {
         self.rays += 1;
-        if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > RAY_LIMIT {
-            return Traced { color: DVec3::ZERO, alpha: 1.0 };
+        if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > self.ray_limit {
+            return Traced { color: DVec3::ZERO, alpha: 1.0, t: f64::INFINITY };
         }
         let world = self.world;
         let hit = world.world.nearest(&ray.line, NEAR, max_distance, ray.kind);
@@ -98,7 +112,7 @@ impl<'a, 's> Tracer<'a, 's> {
             Some(hit) => (self.surface(ray, hit), hit.t),
             None => {
                 let (color, alpha) = world.sky(ray.line.d);
-                (Traced { color, alpha }, f64::INFINITY)
+                (Traced { color, alpha, t: f64::INFINITY }, f64::INFINITY)
             }
         };
         if let Some(Within { interior: Some(interior), .. }) = ray.inside.last()
@@ -106,13 +120,22 @@ impl<'a, 's> Tracer<'a, 's> {
         {
             traced.color *= attenuation(interior, t);
         }
-        if ray.inside.iter().all(|w| w.hollow) {
+        if ray.inside.iter().all(|w| w.hollow) && self.gathering.as_ref().is_none_or(|g| g.sees_media(ray.gather)) {
+            let group = hit.as_ref().map_or(0, |h| h.object.light_group);
+            if !world.scene.atmosphere.is_empty() || ray.inside.iter().any(|w| w.interior.as_ref().is_some_and(|i| !i.media.is_empty())) {
+                let clear = traced.color;
+                traced.color = self.through_media(clear, &ray.line, t, &ray.inside, group);
+                if gray((traced.color - clear).abs()) > 0.0 {
+                    traced.alpha = 1.0;
+                }
+            }
             let before = traced.color;
             traced.color = world.hazed(before, &ray.line, t);
             if gray((traced.color - before).abs()) > 0.0 {
                 traced.alpha = 1.0;
             }
         }
+        traced.t = t;
         traced
     }
 }

@@ -1,6 +1,7 @@
 //! From sums to pictures and error estimates.
 
 use super::{Film, SQUARE_ONE, SQUARES, SUM_ONE};
+use crate::classic::WorkingSpace;
 use crate::image::Image;
 
 /// Planes beside the film's own channels.
@@ -28,7 +29,9 @@ impl Film {
             let data = match self.layout.means.iter().position(|&c| c == index) {
                 Some(slot) => {
                     let stride = self.layout.means.len();
-                    divisors.iter().enumerate().map(|(p, d)| (self.sums[p * stride + slot] as f64 / SUM_ONE * d) as f32).collect()
+                    let space = if index < 3 { self.spec().space } else { WorkingSpace::Linear };
+                    let mean = |(p, d): (usize, &f64)| self.sums[p * stride + slot] as f64 / SUM_ONE * d;
+                    divisors.iter().enumerate().map(|each| space.linear(mean(each)) as f32).collect()
                 }
                 None => {
                     let stride = self.layout.firsts.len();

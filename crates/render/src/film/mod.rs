@@ -18,6 +18,8 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
+use crate::classic::WorkingSpace;
+
 pub use develop::DevelopOptions;
 pub use filter::{Filter, FilterSample, FilterSampler};
 pub use held::{Held, HeldSamples, Rect};
@@ -66,6 +68,9 @@ pub struct FilmSpec {
     pub filter: Filter,
     /// The planes: always `R`, `G`, `B` (means) first; then `A`, light groups and AOVs.
     pub channels: Vec<Channel>,
+    /// The space in which samples of `R`, `G` and `B` are stored and averaged; pictures are developed to linear light.
+    #[serde(default)]
+    pub space: WorkingSpace,
 }
 
 /// Most columns or rows of a picture.
@@ -77,7 +82,7 @@ impl FilmSpec {
     /// A whole picture of R, G, B and A under the default filter.
     pub fn new(width: u32, height: u32) -> Self {
         let channels = ["R", "G", "B", "A"].map(Channel::mean).to_vec();
-        Self { width, height, crop: Rect::new(0, 0, width, height), filter: Filter::default(), channels }
+        Self { width, height, crop: Rect::new(0, 0, width, height), filter: Filter::default(), channels, space: WorkingSpace::Linear }
     }
 
     /// Checks sizes, crop, filter and channels.

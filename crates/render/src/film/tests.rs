@@ -1,4 +1,5 @@
 use super::*;
+use crate::classic::WorkingSpace;
 use crate::film::file::FilmFileError;
 use crate::math::hash::{hash_words, unit_float};
 
@@ -323,4 +324,20 @@ fn hostile_headers_are_errors_before_memory() {
     assert!(matches!(Film::from_bytes(&later, 1 << 30), Err(FilmFileError::Version(2))));
     let deep = "[".repeat(100_000);
     assert!(Film::from_bytes(&forge(&deep, &[]), 1 << 30).is_err());
+}
+
+/// POV-Ray 3.7.0.10 shows 180 for a pixel of which seven of ten samples are white, three black, with `assumed_gamma 2.2`, and 218
+/// with `assumed_gamma 1`.
+#[test]
+fn means_are_of_numbers_of_the_space() {
+    for (space, shown) in [(WorkingSpace::Linear, 218.0), (WorkingSpace::Power(2.2), 180.0), (WorkingSpace::Srgb, 179.0)] {
+        let mut film = Film::new(FilmSpec { space, ..FilmSpec::new(1, 1) }).unwrap();
+        for i in 0..10 {
+            let v = if i < 7 { 1.0 } else { 0.0 };
+            film.add_sample(0, 0, i, 1.0, &[v, v, v, 1.0]);
+        }
+        let linear = f64::from(film.develop().channel("G").unwrap()[0]);
+        let byte = 255.0 * WorkingSpace::Srgb.from_linear(linear);
+        assert!((byte - shown).abs() < 0.75, "{space:?}: {byte} is not {shown}");
+    }
 }

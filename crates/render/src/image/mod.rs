@@ -9,6 +9,7 @@ mod exr_write;
 pub mod flip;
 mod hdr;
 pub mod metrics;
+mod palette;
 mod read;
 mod texels;
 pub mod tonemap;
@@ -18,6 +19,7 @@ use std::io;
 
 pub use encoding::{ColorEncoding, linear_from_srgb, linear_from_srgb_u8, srgb_from_linear};
 pub use exr_write::{ExrAttribute, ExrOptions};
+pub(crate) use palette::palette_indices;
 pub use read::{ReadLimits, is_exr};
 pub use texels::{TexelData, Texels};
 pub use write::{FileFormat, WriteOptions};

@@ -99,7 +99,7 @@ mod tests {
         let mut counts = vec![0u32; n * n];
         let total = 200_000;
         for i in 0..total {
-            let u = Vec2::new((i as f32 + 0.5) / total as f32, (i as f32 * 0.618_034).fract());
+            let u = Vec2::new((i as f32 + 0.5) / total as f32, (f64::from(i) * 0.618_033_988_749_894_8).fract() as f32);
             let p = square_from_direction(crate::math::warp::uniform_sphere(u)) * n as f32;
             counts[(p.y as usize).min(n - 1) * n + (p.x as usize).min(n - 1)] += 1;
         }
@@ -115,7 +115,7 @@ mod tests {
         let mut texels = vec![[0.0f32; 3]; n * n];
         let mut counts = vec![0.0f32; n * n];
         for i in 0..400_000 {
-            let u = Vec2::new((i as f32 + 0.5) / 400_000.0, (i as f32 * 0.618_034).fract());
+            let u = Vec2::new((i as f32 + 0.5) / 400_000.0, (f64::from(i) * 0.618_033_988_749_894_8).fract() as f32);
             let d = crate::math::warp::uniform_sphere(u);
             let p = square_from_direction(d) * n as f32;
             let at = (p.y as usize).min(n - 1) * n + (p.x as usize).min(n - 1);

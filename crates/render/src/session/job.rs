@@ -6,6 +6,7 @@ use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
 use super::{Antialias, Aov, Session};
+use crate::classic::WorkingSpace;
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
 use crate::integrator;
 use crate::sampler::{Sampler, SamplerKind};
@@ -130,7 +131,12 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
     let default = if desc.classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
     let blurs = desc.classic.as_ref().is_some_and(|c| c.camera.blur.is_on());
-    let threshold = if blurs { 0.0 } else { settings.antialias.unwrap_or(default) };
+    let threshold = match settings.antialias {
+        _ if blurs => 0.0,
+        // One sample goes through the center, as in POV-Ray.
+        Some(t) if !(t > 0.0) && desc.classic.is_some() && settings.spp.is_none() => f32::INFINITY,
+        given => given.unwrap_or(default),
+    };
     Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
 }
 
@@ -173,7 +179,11 @@ pub fn prepare(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan, aovs: &
     let scene = Arc::new(scene::compile(desc, settings, [plan.width, plan.height]).map_err(JobError::Scene)?);
     let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
-    let spec = FilmSpec { crop: plan.crop, filter: plan.filter, ..FilmSpec::new(plan.width, plan.height) };
+    let space = match &desc.classic {
+        Some(classic) if plan.integrator == "whitted" => WorkingSpace::new(&classic.settings),
+        _ => WorkingSpace::Linear,
+    };
+    let spec = FilmSpec { crop: plan.crop, filter: plan.filter, space, ..FilmSpec::new(plan.width, plan.height) };
     let meta = FilmMeta {
         seed: settings.seed,
         integrator: plan.integrator.clone(),

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::classic::WorkingSpace;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
 use crate::integrator::{Estimate, Integrator};
 use crate::math::Vec2;
@@ -303,6 +304,11 @@ impl Session {
                         }
                     };
                     channels::values(&estimate, &self.aovs, &mut values);
+                    let space = self.film.spec().space;
+                    if space != WorkingSpace::Linear {
+                        // Means are of numbers of the scene's space, as in POV-Ray (measured).
+                        values.iter_mut().take(3).for_each(|v| *v = space.from_linear(f64::from(*v)) as f32);
+                    }
                     tile.add_sample(x, y, index, weight, &values);
                 }
             }

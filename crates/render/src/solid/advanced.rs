@@ -67,6 +67,21 @@ fn landscape(field: &HeightField, images: Option<&dyn Images>) -> Option<height_
             let heights: Vec<f64> = values.iter().map(|v| height_field::from_function(*v)).collect();
             height_field::HeightField::new(*width as usize, &heights, field.smooth, field.water_level)
         }
+        HeightSource::Potential(id) => {
+            let images = images?;
+            let [width, height] = images.size(*id)?;
+            let half = width / 2;
+            let count = u64::from(half) * u64::from(height);
+            if count > height_field::MOST as u64 {
+                return None;
+            }
+            let byte = |x: u32, y: u32| f64::from(images.index(*id, x, y).unwrap_or(0));
+            let mut heights = Vec::with_capacity(count as usize);
+            for y in 0..height {
+                heights.extend((0..half).map(|x| (256.0 * byte(x, y) + byte(x + half, y)) / 65536.0));
+            }
+            height_field::HeightField::new(half as usize, &heights, field.smooth, field.water_level)
+        }
         HeightSource::Image(id) => {
             let images = images?;
             let [width, height] = images.size(*id)?;
@@ -97,5 +112,35 @@ fn landscape(field: &HeightField, images: Option<&dyn Images>) -> Option<height_
             }
             height_field::HeightField::new(width as usize, &heights, field.smooth, field.water_level)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use etendue_procedural::{Color, ImageId};
+
+    use super::*;
+
+    /// Four columns of palette indices: 64, 0 in the upper bytes, 0, 128 in the lower ones.
+    struct Potentials;
+
+    impl Images for Potentials {
+        fn size(&self, _: ImageId) -> Option<[u32; 2]> {
+            Some([4, 2])
+        }
+        fn pixel(&self, _: ImageId, _: u32, _: u32) -> Color {
+            Color::default()
+        }
+        fn index(&self, _: ImageId, x: u32, _: u32) -> Option<u32> {
+            [64, 0, 0, 128].get(x as usize).copied()
+        }
+    }
+
+    #[test]
+    fn potentials_have_two_bytes() {
+        let field = HeightField { source: HeightSource::Potential(0), smooth: false, water_level: 0.0 };
+        let field = landscape(&field, Some(&Potentials)).unwrap();
+        let b = field.bounds();
+        assert!((b.max.y - 0.25).abs() < 1e-6 && (b.min.y - 128.0 / 65536.0).abs() < 1e-6, "{b:?}");
     }
 }

@@ -142,10 +142,10 @@ impl Bvh {
             let (near, mask) = ray.test(&node.planes, (t_max as f32) * SLACK);
             // Children in the order of falling distance, so that the nearest is taken first.
             let mut order: ArrayVec<(f32, u8), WIDTH> = ArrayVec::new();
-            for slot in 0..WIDTH {
+            for (slot, &t) in near.iter().enumerate() {
                 if mask & (1 << slot) != 0 {
-                    let at = order.iter().position(|o| o.0 < near[slot]).unwrap_or(order.len());
-                    order.insert(at, (near[slot], slot as u8));
+                    let at = order.iter().position(|o| o.0 < t).unwrap_or(order.len());
+                    order.insert(at, (t, slot as u8));
                 }
             }
             let first = stack.len();

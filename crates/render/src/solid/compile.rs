@@ -78,6 +78,14 @@ impl Primitive for Shape {
 }
 
 impl Shape {
+    /// The box of its image under a transform.
+    pub(super) fn extent(&self, m: &DAffine3) -> Bounds {
+        match self {
+            Self::Sphere(s) => s.extent(m),
+            other => other.bounds().transformed(m),
+        }
+    }
+
     /// The shape moved to world space where it stays of its kind, and whether it did; otherwise lines are moved to its own space.
     pub(super) fn placed(self, m: &DAffine3) -> (Self, bool) {
         if *m == DAffine3::IDENTITY {

@@ -19,12 +19,11 @@ pub(super) struct Cone {
 }
 
 impl Cone {
-    /// `None` without length or radius. Signs of radii do not matter.
+    /// `None` without length or radius. Between radii of different signs it is a double cone (as measured).
     pub(super) fn new(base: DVec3, base_radius: f64, cap: DVec3, cap_radius: f64, open: bool) -> Option<Self> {
         let axis = cap - base;
         let length = axis.length();
-        let (base_radius, cap_radius) = (base_radius.abs(), cap_radius.abs());
-        let sizes = length > 0.0 && length.is_finite() && base_radius.max(cap_radius) > 0.0;
+        let sizes = length > 0.0 && length.is_finite() && (base_radius != 0.0 || cap_radius != 0.0);
         if !(sizes && base.is_finite() && base_radius.is_finite() && cap_radius.is_finite()) {
             return None;
         }
@@ -61,7 +60,6 @@ impl Cone {
         let c = o.x * o.x + o.y * o.y - r * r;
         let mut side = |t: f64| {
             let z = o.z + t * d.z;
-            // On the other half of the double cone the radius would be negative; between the ends it is not.
             if z >= 0.0 && z <= self.length {
                 take(Crossing::new(t, 0));
             }
@@ -101,7 +99,7 @@ impl Primitive for Cone {
     fn bounds(&self) -> Bounds {
         let w = self.frame.row(2);
         let reach = (DVec3::ONE - w * w).max(DVec3::ZERO).map(f64::sqrt);
-        let disc = |c: DVec3, r: f64| Bounds { min: c - reach * r, max: c + reach * r };
+        let disc = |c: DVec3, r: f64| Bounds { min: c - reach * r.abs(), max: c + reach * r.abs() };
         disc(self.base, self.base_radius).union(disc(self.base + w * self.length, self.cap_radius))
     }
 
@@ -130,7 +128,7 @@ impl Primitive for Cone {
     fn inside(&self, p: DVec3) -> bool {
         let p = self.frame * (p - self.base);
         let r = self.base_radius + self.slope * p.z;
-        p.z >= 0.0 && p.z <= self.length && p.x * p.x + p.y * p.y <= r * r
+        p.z > 0.0 && p.z < self.length && p.x * p.x + p.y * p.y < r * r
     }
 
     fn normal(&self, p: DVec3, crossing: &Crossing) -> DVec3 {
@@ -139,7 +137,7 @@ impl Primitive for Cone {
             2 => self.frame.row(2),
             _ => {
                 let p = self.frame * (p - self.base);
-                let r = (p.x * p.x + p.y * p.y).sqrt();
+                let r = self.base_radius + self.slope * p.z;
                 let n = DVec3::new(p.x, p.y, -self.slope * r).normalize_or(DVec3::NEG_Z);
                 self.frame.transpose() * n
             }

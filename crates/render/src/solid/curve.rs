@@ -51,6 +51,7 @@ impl Segment {
         };
         let start = c[0];
         let mut s = Self { c, start, end, degree, min: start.min(end), max: start.max(end) };
+        #[allow(clippy::needless_range_loop)] // The axis of all four coefficients.
         for axis in 0..2 {
             for u in roots::quadratic_in(&[c[1][axis], 2.0 * c[2][axis], 3.0 * c[3][axis]], 0.0, 1.0) {
                 let p = s.at(u);

@@ -49,7 +49,7 @@ impl Primitive for Disc {
     }
 
     fn inside(&self, p: DVec3) -> bool {
-        self.n.dot(p - self.center) <= 0.0
+        self.n.dot(p - self.center) < 0.0
     }
 
     fn normal(&self, _p: DVec3, _crossing: &Crossing) -> DVec3 {

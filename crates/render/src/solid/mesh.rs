@@ -7,7 +7,7 @@ use etendue_scene::desc::classic;
 use glam::{DVec2, DVec3};
 
 use super::bvh::Bvh;
-use super::triangle::{intersect, smooth};
+use super::triangle::{flat_normal, intersect, smooth};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Many triangles; the part of a crossing is the triangle's number, its parameters the barycentric coordinates of the second and third
@@ -39,7 +39,7 @@ impl Mesh {
     }
 
     fn flat(&self, part: u32) -> DVec3 {
-        self.triangles.get(part as usize).map_or(DVec3::Y, |(_, [e, f])| e.cross(*f).normalize_or(DVec3::Y))
+        self.triangles.get(part as usize).map_or(DVec3::Y, |(_, edges)| flat_normal(edges))
     }
 
     /// Values at the corners of a triangle, where it has them.

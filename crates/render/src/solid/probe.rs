@@ -2,11 +2,18 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use etendue_scene::desc::classic::Object;
+use etendue_procedural::{ImageId, Images};
+use etendue_scene::desc::classic::{ClassicImage, GlobalSettings, Object, Solid};
 use etendue_scene::formats::pov::Probe;
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 
-use super::{Line, RayKind, World};
+use super::compile::{Compiler, Shape};
+use crate::classic::NotedPictures;
+
+use super::{Bounds, Line, Primitive, RayKind, World};
+
+/// Sides of boxes without bound (as measured).
+const BEYOND: f64 = 1e10;
 
 /// Prepared objects that are kept.
 const KEPT: usize = 64;
@@ -16,6 +23,7 @@ const KEPT: usize = 64;
 pub struct WorldProbe {
     /// The last asked at the end. The objects are kept, so that their addresses stay theirs.
     worlds: Mutex<Vec<(Arc<Object>, Arc<World>)>>,
+    pictures: NotedPictures,
 }
 
 impl WorldProbe {
@@ -28,7 +36,7 @@ impl WorldProbe {
         let mut worlds = self.worlds.lock().unwrap_or_else(PoisonError::into_inner);
         let entry = match worlds.iter().position(|(o, _)| Arc::ptr_eq(o, object)) {
             Some(at) => worlds.remove(at),
-            None => (object.clone(), Arc::new(World::new(std::slice::from_ref(object)))),
+            None => (object.clone(), Arc::new(World::with_images(std::slice::from_ref(object), Some(&self.pictures)))),
         };
         let world = entry.1.clone();
         if worlds.len() >= KEPT {
@@ -51,8 +59,41 @@ impl Probe for WorldProbe {
         self.world(object).inside(p)
     }
 
-    fn extent(&self, object: &Arc<Object>) -> (DVec3, DVec3) {
-        let b = self.world(object).bounds();
-        if b.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (b.min, b.max) }
+    fn add_image(&self, id: ImageId, image: &ClassicImage, settings: &GlobalSettings) {
+        self.pictures.add(id, image, settings);
     }
+
+    fn images(&self) -> Option<&dyn Images> {
+        Some(&self.pictures)
+    }
+
+    fn extent(&self, object: &Arc<Object>) -> (DVec3, DVec3) {
+        let b = extent(object, &mut Compiler::new(None), false);
+        if b.is_empty() { (DVec3::ZERO, DVec3::ZERO) } else { (b.min.max(DVec3::splat(-BEYOND)), b.max.min(DVec3::splat(BEYOND))) }
+    }
+}
+
+/// The box of an object: boxes of parts joined or cut in the space of their parent, then moved as boxes, clips left out (as measured).
+/// `cut`: as part of an intersection, where half-spaces along axes count.
+fn extent(object: &Object, compiler: &mut Compiler, cut: bool) -> Bounds {
+    let m = DAffine3::from_mat4(object.world_from_solid);
+    let own = match &object.solid {
+        Solid::Union(parts) | Solid::Merge(parts) => parts.iter().fold(Bounds::EMPTY, |b, p| b.union(extent(p, compiler, cut))),
+        Solid::Intersection(parts) => parts.iter().fold(Bounds::INFINITE, |b, p| b.intersection(extent(p, compiler, true))),
+        Solid::Difference(parts) => parts.first().map_or(Bounds::EMPTY, |p| extent(p, compiler, true)),
+        // As high as it can be, whatever the picture.
+        Solid::HeightField(_) => Bounds::of(DVec3::ZERO, DVec3::ONE),
+        solid => match compiler.shape(solid) {
+            None => Bounds::EMPTY,
+            Some(shape) if cut => return turned(shape.inside_bounds().transformed(&m), object.inverse),
+            Some(Shape::Plane(_)) => Bounds::INFINITE,
+            Some(shape) => return turned(shape.extent(&m), object.inverse && cut),
+        },
+    };
+    turned(own.transformed(&m), object.inverse && cut)
+}
+
+/// Turned inside out, a shape reaches everywhere.
+fn turned(b: Bounds, inverse: bool) -> Bounds {
+    if inverse { Bounds::INFINITE } else { b }
 }

@@ -46,8 +46,8 @@ fn extent(m: &DMat3, g: DVec3, constant: f64) -> Option<Bounds> {
     // Axes that do not occur at all stay infinite.
     let free = [0, 1, 2].map(|i| g[i] == 0.0 && m.col(i) == DVec3::ZERO);
     let mut full = *m;
-    for i in 0..3 {
-        if free[i] {
+    for (i, free) in free.into_iter().enumerate() {
+        if free {
             full.col_mut(i)[i] = 1.0;
         }
     }

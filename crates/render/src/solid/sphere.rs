@@ -1,7 +1,7 @@
 //! Sphere.
 
 use etendue_procedural::fns;
-use glam::{DVec2, DVec3};
+use glam::{DAffine3, DVec2, DVec3};
 
 use super::{Bounds, Crossing, Line, Primitive};
 
@@ -13,15 +13,22 @@ pub(super) struct Sphere {
 }
 
 impl Sphere {
-    /// `None` for a radius of 0; the sign does not matter.
+    /// `None` for a radius of 0; with a negative one normals point inside (as measured).
     pub(super) fn new(center: DVec3, radius: f64) -> Option<Self> {
-        let radius = radius.abs();
-        (center.is_finite() && radius > 0.0 && radius.is_finite()).then_some(Self { center, radius })
+        (center.is_finite() && radius != 0.0 && radius.is_finite()).then_some(Self { center, radius })
     }
 
     /// Scaled about the origin by a positive factor, then moved.
     pub(super) fn scaled(&self, factor: f64, offset: DVec3) -> Self {
         Self { center: self.center * factor + offset, radius: self.radius * factor }
+    }
+
+    /// The box of its image under a transform, which is an ellipsoid's.
+    pub(super) fn extent(&self, m: &DAffine3) -> Bounds {
+        let rows = m.matrix3.transpose();
+        let reach = DVec3::new(rows.x_axis.length(), rows.y_axis.length(), rows.z_axis.length()) * self.radius.abs();
+        let center = m.transform_point3(self.center);
+        Bounds { min: center - reach, max: center + reach }
     }
 
     /// Both crossings of the endless line. The discriminant is formed from the distance of the line to the center, which keeps it exact
@@ -48,7 +55,7 @@ impl Sphere {
 
 impl Primitive for Sphere {
     fn bounds(&self) -> Bounds {
-        Bounds::around(self.center, self.radius)
+        Bounds::around(self.center, self.radius.abs())
     }
 
     #[inline]
@@ -70,15 +77,15 @@ impl Primitive for Sphere {
     }
 
     fn inside(&self, p: DVec3) -> bool {
-        (p - self.center).length_squared() <= self.radius * self.radius
+        (p - self.center).length_squared() < self.radius * self.radius
     }
 
     fn normal(&self, p: DVec3, _crossing: &Crossing) -> DVec3 {
-        (p - self.center).normalize_or(DVec3::Y)
+        ((p - self.center) * self.radius.signum()).normalize_or(DVec3::Y)
     }
 
     fn uv(&self, p: DVec3, _crossing: &Crossing) -> DVec2 {
-        spherical(self.normal(p, &Crossing::new(0.0, 0)))
+        spherical((p - self.center).normalize_or(DVec3::Y))
     }
 }
 

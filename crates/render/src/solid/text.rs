@@ -187,9 +187,9 @@ impl Primitive for Text {
             0 => DVec3::NEG_Z,
             1 => DVec3::Z,
             wall => {
-                // Outlines of letters have the ink on their right.
+                // Outlines of letters have the ink on their right; normals of walls point into it (as measured).
                 let t = self.pieces.get(wall as usize - 2).map_or(DVec2::Y, |p| p.tangent(crossing.uv.x));
-                DVec3::new(-t.y, t.x, 0.0).normalize_or(DVec3::X)
+                DVec3::new(t.y, -t.x, 0.0).normalize_or(DVec3::X)
             }
         }
     }

@@ -14,9 +14,9 @@ pub(super) struct Torus {
 }
 
 impl Torus {
-    /// `None` without a tube. Signs of radii do not matter.
+    /// `None` without a tube of positive radius.
     pub(super) fn new(major: f64, minor: f64) -> Option<Self> {
-        let (major, minor) = (major.abs(), minor.abs());
+        let major = major.abs();
         (major.is_finite() && minor.is_finite() && minor > 0.0).then_some(Self { major, minor })
     }
 }
@@ -76,19 +76,13 @@ impl Primitive for Torus {
 
     fn inside(&self, p: DVec3) -> bool {
         let r = (p.x * p.x + p.z * p.z).sqrt() - self.major;
-        // A tube wider than the ring crosses itself; where it overlaps counts twice and is outside again.
-        let far = (p.x * p.x + p.z * p.z).sqrt() + self.major;
-        let minor2 = self.minor * self.minor;
-        (r * r + p.y * p.y <= minor2) != (far * far + p.y * p.y < minor2)
+        // A tube wider than the ring crosses itself. All of it is inside, though its inner sheet is a surface too (as measured).
+        r * r + p.y * p.y < self.minor * self.minor
     }
 
     fn normal(&self, p: DVec3, _crossing: &Crossing) -> DVec3 {
         let ring = DVec3::new(p.x, 0.0, p.z).normalize_or(DVec3::X) * self.major;
-        let n = p - ring;
-        // On the inner sheet of a tube that crosses itself the ring is on the other side.
-        let other = p + ring;
-        let off = |v: DVec3| (v.length() - self.minor).abs();
-        (if off(n) <= off(other) { n } else { -other }).normalize_or(DVec3::Y)
+        (p - ring).normalize_or(DVec3::Y)
     }
 
     fn uv(&self, p: DVec3, _crossing: &Crossing) -> DVec2 {

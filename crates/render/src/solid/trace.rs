@@ -3,7 +3,7 @@
 //! Combinations are evaluated at points of the surface: a crossing with a part counts where it is inside (merge: outside) of all other
 //! parts. That needs no intervals, so that surfaces without inside can take part as well.
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
 use super::tree::{Group, Kind, Leaf, NodeId, Tree};
 use super::{Crossing, Line, Primitive, RayKind};
@@ -64,7 +64,7 @@ impl Leaf {
 
     /// The unit normal in world space of one in the shape's own, turned for inverses.
     pub(super) fn world_normal(&self, n: DVec3) -> DVec3 {
-        let n = self.solid_from_world.as_ref().map_or(n, |m: &Box<DAffine3>| (m.matrix3.transpose() * n).normalize_or_zero());
+        let n = self.solid_from_world.as_ref().map_or(n, |m| (m.matrix3.transpose() * n).normalize_or_zero());
         if self.flip { -n } else { n }
     }
 }
@@ -111,7 +111,8 @@ impl Tree {
         let test = |i: u32| Some(i) == except || self.inside(group.children[i as usize], p);
         for (i, &c) in group.children.iter().enumerate() {
             let node = &self.nodes[c as usize];
-            if !(node.inverse && node.clips.is_empty()) && !test(i as u32) {
+            let only_near_box = node.inverse && node.clips.is_empty();
+            if !(only_near_box || test(i as u32)) {
                 return false;
             }
         }
@@ -172,7 +173,7 @@ impl Tree {
                 scratch.hits.extend(scratch.crossings.iter().map(|&crossing| RawHit { leaf: *index, crossing }));
             }
             kind @ (Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group)) => {
-                let mut child = |i: u32, scratch: &mut Scratch| {
+                let child = |i: u32, scratch: &mut Scratch| {
                     let first = scratch.hits.len();
                     self.collect(group.children[i as usize], query, t_max, scratch);
                     self.retain(first, scratch, |hit| self.counts(kind, i, query.line.at(hit.crossing.t)));

@@ -125,25 +125,21 @@ struct Above {
     cutaway: Option<usize>,
 }
 
+/// Originals and moved copies, by the original's address and the matrix.
+type Moved<T> = HashMap<(usize, [u64; 16]), (Arc<T>, Arc<T>)>;
+
 /// Builds a [`Tree`].
 pub(super) struct Builder<'a> {
     tree: Tree,
     compiler: Compiler<'a>,
-    textures: HashMap<(usize, [u64; 16]), (Arc<Texture>, Arc<Texture>)>,
-    interiors: HashMap<(usize, [u64; 16]), (Arc<Interior>, Arc<Interior>)>,
+    textures: Moved<Texture>,
     /// Leaves that wait for the number of a combination, and those numbers.
     cutaways: Vec<Option<NodeId>>,
 }
 
 impl<'a> Builder<'a> {
     pub(super) fn new(images: Option<&'a dyn Images>) -> Self {
-        Self {
-            tree: Tree::default(),
-            compiler: Compiler::new(images),
-            textures: HashMap::new(),
-            interiors: HashMap::new(),
-            cutaways: Vec::new(),
-        }
+        Self { tree: Tree::default(), compiler: Compiler::new(images), textures: HashMap::new(), cutaways: Vec::new() }
     }
 
     /// Adds a top-level object.
@@ -198,7 +194,7 @@ impl<'a> Builder<'a> {
             flip: above.flip ^ object.inverse,
             texture: object.texture.as_ref().map(|t| self.texture(t, &m)).or_else(|| above.texture.clone()),
             interior_texture: object.interior_texture.as_ref().map(|t| self.texture(t, &m)).or_else(|| above.interior_texture.clone()),
-            interior: object.interior.as_ref().map(|i| self.interior(i, &m)).or_else(|| above.interior.clone()),
+            interior: own_interior(object, &m).or_else(|| above.interior.clone()),
             hollow: if object.hollow_stated { object.hollow } else { above.hollow },
             uv_mapping: object.uv_mapping || (object.texture.is_none() && above.uv_mapping),
             no_shadow: object.no_shadow || above.no_shadow,
@@ -227,23 +223,9 @@ impl<'a> Builder<'a> {
         let key = (Arc::as_ptr(texture) as usize, m.to_cols_array().map(f64::to_bits));
         let (_, moved) = self.textures.entry(key).or_insert_with(|| {
             let mut moved = (**texture).clone();
-            moved.transform(m);
+            moved.move_with_object(m);
             // The original is kept so that its address is not used again.
             (texture.clone(), Arc::new(moved))
-        });
-        moved.clone()
-    }
-
-    /// An interior moved to world space.
-    fn interior(&mut self, interior: &Arc<Interior>, m: &DMat4) -> Arc<Interior> {
-        if *m == DMat4::IDENTITY {
-            return interior.clone();
-        }
-        let key = (Arc::as_ptr(interior) as usize, m.to_cols_array().map(f64::to_bits));
-        let (_, moved) = self.interiors.entry(key).or_insert_with(|| {
-            let mut moved = (**interior).clone();
-            moved.transform(m);
-            (interior.clone(), Arc::new(moved))
         });
         moved.clone()
     }
@@ -369,8 +351,12 @@ impl<'a> Builder<'a> {
             if !inverse.is_finite() {
                 return None;
             }
-            let b = shape.bounds().transformed(&world_from_solid);
-            (Some(Box::new(inverse)), b, shape.inside_bounds().transformed(&world_from_solid))
+            let inside = if shape.inside_bounds() == shape.bounds() {
+                shape.extent(&world_from_solid)
+            } else {
+                shape.inside_bounds().transformed(&world_from_solid)
+            };
+            (Some(Box::new(inverse)), shape.extent(&world_from_solid), inside)
         };
         let m = state.world_from_parent;
         let own_textures: Vec<Arc<Texture>> = shape.own_textures().iter().map(|t| self.texture(t, &m)).collect();
@@ -412,6 +398,28 @@ impl<'a> Builder<'a> {
         });
         Some((Kind::Leaf(self.tree.leaves.len() as u32 - 1), bounds, inside))
     }
+}
+
+/// The interior that an object itself states, moved to world space; of old scenes that of its texture. Each time another one: rays tell by
+/// it what they are inside of, and the parts of one object share it.
+fn own_interior(object: &Object, m: &DMat4) -> Option<Arc<Interior>> {
+    let mut interior = match &object.interior {
+        Some(interior) => (**interior).clone(),
+        None => {
+            let layers = object.texture.as_ref()?.layers()?;
+            let old = layers.iter().rev().map(|l| &l.finish.old_interior).find(|old| old.ior.is_some())?;
+            let plain = Interior::default();
+            Interior {
+                ior: old.ior.unwrap_or(plain.ior),
+                caustics: old.caustics.unwrap_or(plain.caustics),
+                fade_distance: old.fade_distance.unwrap_or(plain.fade_distance),
+                fade_power: old.fade_power.unwrap_or(plain.fade_power),
+                ..plain
+            }
+        }
+    };
+    interior.transform(m);
+    Some(Arc::new(interior))
 }
 
 /// What a leaf holds in place of the number of a combination that is not done yet.

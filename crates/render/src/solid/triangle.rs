@@ -11,6 +11,8 @@ pub(super) struct Triangle {
     corner: DVec3,
     edges: [DVec3; 2],
     normals: Option<Box<[DVec3; 3]>>,
+    /// A mirror has turned its corners around, but not its normal.
+    mirrored: bool,
 }
 
 impl Triangle {
@@ -20,7 +22,7 @@ impl Triangle {
         let edges = [b - a, c - a];
         edges[0].cross(edges[1]).try_normalize()?;
         let normals = t.normals.filter(|n| n.iter().all(|n| n.is_finite())).map(Box::new);
-        a.is_finite().then_some(Self { corner: a, edges, normals })
+        a.is_finite().then_some(Self { corner: a, edges, normals, mirrored: false })
     }
 
     /// The image under an affine transform; `None` where that has no area.
@@ -30,11 +32,13 @@ impl Triangle {
         edges[0].cross(edges[1]).try_normalize()?;
         let normal = m.matrix3.inverse().transpose();
         let normals = self.normals.as_ref().map(|n| Box::new(n.map(|n| normal * n)));
-        corner.is_finite().then_some(Self { corner, edges, normals })
+        let mirrored = self.mirrored != (m.matrix3.determinant() < 0.0);
+        corner.is_finite().then_some(Self { corner, edges, normals, mirrored })
     }
 
     fn flat(&self) -> DVec3 {
-        self.edges[0].cross(self.edges[1]).normalize_or(DVec3::Y)
+        let n = flat_normal(&self.edges);
+        if self.mirrored { -n } else { n }
     }
 }
 
@@ -47,7 +51,7 @@ pub(super) fn intersect(corner: DVec3, edges: &[DVec3; 2], line: &Line) -> Optio
     let scale = 1.0 / edges[0].dot(p);
     let s = line.o - corner;
     let u = s.dot(p) * scale;
-    if !(u >= -ROOM && u <= 1.0 + ROOM) {
+    if !(-ROOM..=1.0 + ROOM).contains(&u) {
         return None;
     }
     let q = s.cross(edges[0]);
@@ -57,6 +61,11 @@ pub(super) fn intersect(corner: DVec3, edges: &[DVec3; 2], line: &Line) -> Optio
     }
     let t = edges[1].dot(q) * scale;
     t.is_finite().then_some((t, DVec2::new(u, v)))
+}
+
+/// The unit normal on the side from which the corners go clockwise in left-handed space, as measured.
+pub(super) fn flat_normal(edges: &[DVec3; 2]) -> DVec3 {
+    edges[1].cross(edges[0]).normalize_or(DVec3::Y)
 }
 
 /// The normal between corner normals.

@@ -25,6 +25,8 @@ pub struct World {
 }
 
 thread_local! {
+    // Boxed, so that taking one out and putting it back moves a pointer.
+    #[allow(clippy::vec_box)]
     static SCRATCH: RefCell<Vec<Box<Scratch>>> = const { RefCell::new(Vec::new()) };
 }
 

@@ -34,6 +34,11 @@ impl Internal {
         (*extra != 255).then_some(Self(number as u8))
     }
 
+    /// Whether its formula is known; `f_comma` and `f_helical_torus` are not yet, and have the value 0.
+    pub fn is_known(self) -> bool {
+        !matches!(self.0, 9 | 24)
+    }
+
     /// How many parameters follow x, y, z.
     pub fn extra_parameters(self) -> u32 {
         EXTRA.get(usize::from(self.0)).map_or(0, |e| u32::from(*e))
@@ -47,11 +52,10 @@ impl Internal {
         match self.0 {
             6 => shape::blob([x, y, z], &p),
             7 => shape::blob2([x, y, z], &p),
-            9 => shape::comma([x, y, z], p[0]),
+            9 | 24 => 0.0,
             10 => p[3] - p[2] * shape::fade(p[1], shape::ellipsoids([x, y, z], p[0]).into_iter().fold(f64::INFINITY, f64::min)),
             17 => shape::length(p[0] * x, p[1] * y, p[2] * z),
             19 => p[3] - p[2] * shape::ellipsoids([x, y, z], p[0]).into_iter().map(|q| shape::fade(p[1], q)).sum::<f64>(),
-            24 => shape::helical_torus([x, y, z], &p),
             25 => shape::helix1([x, y, z], &p),
             26 => shape::helix2([x, y, z], &p),
             27 => shape::hex_x(x, y),

@@ -58,14 +58,6 @@ pub(super) fn blob2([x, y, z]: [f64; 3], p: &[f64]) -> f64 {
     p[3] - p[2] * (fade(p[1], squared(x)) + fade(p[1], squared(x - p[0])))
 }
 
-pub(super) fn comma(_at: [f64; 3], _scale: f64) -> f64 {
-    0.0
-}
-
-pub(super) fn helical_torus(_at: [f64; 3], _p: &[f64]) -> f64 {
-    0.0
-}
-
 /// `f_helix1`: number, period, minor and major radius, stretch along y, cross section, its rotation in degrees.
 pub(super) fn helix1([x, y, z]: [f64; 3], p: &[f64]) -> f64 {
     let r = length(x, 0.0, z);

@@ -84,6 +84,9 @@ pub enum HeightSource {
     /// Pixels of a picture with values as stored (gamma 1): the palette index / 255 where there is one, else
     /// (256 · red + green) / 257, which is red itself for gray pictures. Column → x, row → z from 1 (top) to 0.
     Image(ImageId),
+    /// Pixels of a picture whose left half holds the upper bytes of the heights as palette indices, and the right half the lower ones
+    /// (Fractint's 16-bit potentials, `pot`).
+    Potential(ImageId),
     /// Sampled values in [0, 1], row by row, laid out like the pixels of a picture.
     Values {
         /// Number of columns (x).

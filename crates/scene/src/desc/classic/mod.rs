@@ -27,6 +27,7 @@ pub use solid::*;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use etendue_procedural::Color;
 use serde::{Deserialize, Serialize};
 
 use crate::span::Span;
@@ -34,12 +35,50 @@ use crate::span::Span;
 /// A picture that textures or height fields use.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ClassicImage {
-    /// Resolved path.
-    pub path: PathBuf,
+    /// Where it comes from.
+    pub source: ImageSource,
     /// Where the file names it.
     pub span: Span,
-    /// Exponent that turns file values into the working space (`gamma` of an image map); `None` by the file's own kind.
-    pub gamma: Option<f64>,
+    /// What the scene says that the file's numbers mean (`gamma`).
+    pub gamma: Option<ImageGamma>,
+    /// What the numbers are for.
+    pub content: ImageContent,
+    /// Colors are stored multiplied with alpha (`premultiplied`); `None` by the file's own kind.
+    pub premultiplied: Option<bool>,
+}
+
+/// Where a picture comes from.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ImageSource {
+    /// The resolved path of a file.
+    File(PathBuf),
+    /// Made by a function: colors of the working space, row by row from the top.
+    Made {
+        /// Columns.
+        width: u32,
+        /// Colors; as many as columns by rows.
+        colors: Arc<Vec<Color>>,
+    },
+}
+
+/// `gamma` of a picture: how its numbers become linear light.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum ImageGamma {
+    /// By a power.
+    Power(f64),
+    /// Through the sRGB transfer function.
+    Srgb,
+}
+
+/// What a picture's numbers are for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum ImageContent {
+    /// Colors, decoded by the file's kind and brought to the working space.
+    Colors,
+    /// Colors of a scene before version 3.7: as they are where no gamma is given.
+    OldColors,
+    /// Heights, pattern values and indices: as they are where no gamma is given, and never brought to the working space.
+    Data,
 }
 
 /// What a scene of the classic model says.
@@ -64,7 +103,7 @@ pub struct ClassicScene {
     /// The sky beyond everything.
     pub sky: Option<SkySphere>,
     /// Background color; black where there is none.
-    pub background: Option<etendue_procedural::Color>,
+    pub background: Option<Color>,
     /// Interior (media) of the space outside all objects.
     pub atmosphere: Vec<Media>,
     /// Pictures, by [`etendue_procedural::ImageId`].

@@ -144,7 +144,7 @@ impl Object {
             self.world_from_solid = *world_from_old * self.world_from_solid;
         }
         for t in [&mut self.texture, &mut self.interior_texture].into_iter().flatten() {
-            Arc::make_mut(t).transform(world_from_old);
+            Arc::make_mut(t).move_with_object(world_from_old);
         }
         if let Some(i) = &mut self.interior {
             Arc::make_mut(i).transform(world_from_old);

@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3};
 
 use super::Reader;
+use super::angles::{atan, tan};
 use super::params::Params;
 use crate::desc::{AddNode, CameraDesc, FilterDesc, FovAxis, IntegratorDesc, Node, ProjectionDesc};
 use crate::span::Span;
@@ -34,8 +35,8 @@ impl Reader {
                 let (mut fov_rad, mut fov_axis, mut offset) = (fov.to_radians(), FovAxis::Smaller, [0.0; 2]);
                 if let Some([x0, x1, y0, y1]) = screen {
                     // The window is in units of the shorter half edge's tangent.
-                    let t = (0.5 * fov_rad).tan();
-                    fov_rad = 2.0 * (t * 0.5 * (x1 - x0)).atan();
+                    let t = tan(0.5 * fov_rad);
+                    fov_rad = 2.0 * atan(t * 0.5 * (x1 - x0));
                     fov_axis = FovAxis::X;
                     offset = [0.5 * (x0 + x1) / (x1 - x0), -0.5 * (y0 + y1) / (y1 - y0)];
                 }
@@ -146,7 +147,7 @@ impl Reader {
         }
         let film = &mut self.desc.film;
         (film.width, film.height) = (Some(w), Some(h));
-        film.exposure = if iso > 0.0 { (iso / 100.0).log2() } else { 0.0 };
+        film.exposure = if iso > 0.0 { etendue_procedural::fns::log2(f64::from(iso) / 100.0) as f32 } else { 0.0 };
         if let Some(c) = crop {
             let c = [c[0].max(0.0) as u32, c[1].max(0.0) as u32, c[2].min(f64::from(w)) as u32, c[3].min(f64::from(h)) as u32];
             if c[0] >= c[2] || c[1] >= c[3] {

@@ -2,6 +2,8 @@
 
 use glam::Vec3;
 
+use super::angles::sin_cos;
+
 use crate::desc::MeshData;
 
 /// Sides of a tube.
@@ -23,7 +25,7 @@ pub(super) fn segments(points: &[Vec3], degree: usize, bspline: bool, width0: f3
     let count = match (bspline, n > degree) {
         (_, false) => return None,
         (true, true) => n - degree,
-        (false, true) if (n - 1) % degree == 0 => (n - 1) / degree,
+        (false, true) if (n - 1).is_multiple_of(degree) => (n - 1) / degree,
         _ => return None,
     };
     let width = |i: usize| width0 + (width1 - width0) * i as f32 / count as f32;
@@ -63,7 +65,8 @@ pub(super) fn tube(segments: &[Segment]) -> MeshData {
         let radius = 0.5 * (s.widths[0] + (s.widths[1] - s.widths[0]) * t);
         for k in 0..=SIDES {
             let angle = std::f32::consts::TAU * k as f32 / SIDES as f32;
-            let n = side * angle.cos() + up * angle.sin();
+            let (sin, cos) = sin_cos(angle);
+            let n = side * cos + up * sin;
             mesh.positions.push(p + n * radius);
             mesh.normals.push(n);
             mesh.uvs.push(glam::Vec2::new(k as f32 / SIDES as f32, ring as f32 / total as f32));

@@ -3,6 +3,7 @@
 use glam::{DMat4, DVec3, Mat4, Vec3};
 
 use super::Reader;
+use super::angles::sin_cos;
 use super::params::Params;
 use super::spectrum::SpectrumKind;
 use crate::desc::{
@@ -96,7 +97,7 @@ impl Reader {
             }
         }
         // Its flux per intensity: full within the inner cone, half on average between the two.
-        let (ci, co) = (inner_rad.cos(), outer_rad.cos());
+        let (ci, co) = (sin_cos(inner_rad).1, sin_cos(outer_rad).1);
         let flux = std::f32::consts::TAU * ((1.0 - ci) + 0.5 * (ci - co));
         let scale = power.map_or(scale, |w| scale * w / flux);
         let (o, d) = if projection { (DVec3::ZERO, DVec3::Z) } else { (from.as_dvec3(), (to - from).as_dvec3()) };

@@ -8,6 +8,7 @@
 //! which needs no change, as nothing of ours depends on handedness; light spectra count by their shape only (pbrt divides them by their
 //! luminance); roughness is remapped to α = √roughness unless the file says otherwise.
 
+mod angles;
 mod camera;
 mod curve;
 mod directive;

@@ -3,6 +3,7 @@
 use glam::{Mat4, Vec2, Vec3};
 
 use super::Reader;
+use super::angles::{acos, sin_cos};
 use super::curve;
 use super::params::Params;
 use super::spectrum::SpectrumKind;
@@ -101,9 +102,9 @@ impl Reader {
         if z0 <= -radius && z1 >= radius && phi >= std::f32::consts::TAU {
             return Some(GeometryDesc::Sphere { center: Vec3::ZERO, radius }.into());
         }
-        let (t0, t1) = ((z0 / radius).acos(), (z1 / radius).acos());
+        let (t0, t1) = (acos(z0 / radius), acos(z1 / radius));
         let mesh = revolved(phi, STEPS / 2, |v| {
-            let (sin, cos) = (t0 + (t1 - t0) * v).sin_cos();
+            let (sin, cos) = sin_cos(t0 + (t1 - t0) * v);
             (Vec2::new(sin, cos) * radius, Vec2::new(sin, cos))
         });
         Some(self.mesh(mesh, p))
@@ -351,7 +352,7 @@ impl Reader {
 
 /// Area in the world; `None` where it is not known before files are loaded.
 fn area(geometry: &GeometryDesc, m: Mat4, desc: &crate::desc::SceneDesc) -> Option<f32> {
-    let scale = m.determinant().abs().cbrt();
+    let scale = etendue_procedural::fns::pow(f64::from(m.determinant().abs()), 1.0 / 3.0) as f32;
     match geometry {
         GeometryDesc::Sphere { radius, .. } => Some(4.0 * std::f32::consts::PI * (radius * scale).powi(2)),
         GeometryDesc::Cylinder { p0, p1, radius } => Some(std::f32::consts::TAU * radius * scale * m.transform_vector3(*p1 - *p0).length()),
@@ -374,7 +375,7 @@ fn revolved(phi: f32, rows: u32, profile: impl Fn(f32) -> (Vec2, Vec2)) -> MeshD
         let (p, n) = profile(v);
         for i in 0..=columns {
             let u = i as f32 / columns as f32;
-            let (sin, cos) = (phi * u).sin_cos();
+            let (sin, cos) = sin_cos(phi * u);
             mesh.positions.push(Vec3::new(p.x * cos, p.x * sin, p.y));
             mesh.normals.push(Vec3::new(n.x * cos, n.x * sin, n.y).normalize_or(Vec3::Z));
             mesh.uvs.push(Vec2::new(u, v));

@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use glam::Vec3;
 
+use super::angles::sin_cos;
 use crate::desc::MeshData;
 
 /// Most triangles that a subdivided mesh may have.
@@ -145,8 +146,9 @@ impl Control {
         if !self.boundary[v] {
             for (j, q) in ring.iter().enumerate() {
                 let angle = std::f32::consts::TAU * j as f32 / n as f32;
-                s += *q * angle.cos();
-                t += *q * angle.sin();
+                let (sin, cos) = sin_cos(angle);
+                s += *q * cos;
+                t += *q * sin;
             }
         } else if n >= 2 {
             s = ring[n - 1] - ring[0];
@@ -156,9 +158,9 @@ impl Control {
                 4 => -ring[0] + 2.0 * ring[1] + 2.0 * ring[2] - ring[3] - 2.0 * p,
                 _ => {
                     let theta = std::f32::consts::PI / (n - 1) as f32;
-                    let mut t = (ring[0] + ring[n - 1]) * theta.sin();
+                    let mut t = (ring[0] + ring[n - 1]) * sin_cos(theta).0;
                     for (k, q) in ring.iter().enumerate().take(n - 1).skip(1) {
-                        t += *q * ((2.0 * theta.cos() - 2.0) * (k as f32 * theta).sin());
+                        t += *q * ((2.0 * sin_cos(theta).1 - 2.0) * sin_cos(k as f32 * theta).0);
                     }
                     -t
                 }

@@ -7,9 +7,14 @@ use etendue_procedural::{Layer, Texture};
 use super::lexer::{Directive, Raw, SIGNS};
 use super::options::Stream;
 use super::parser::{Parse, Parser, Token};
-use super::symbols::{Deprecation, Place};
+use super::symbols::{Deprecation, Place, Size};
 use super::value::Value;
 use crate::span::Span;
+
+/// Most values inside of one another.
+const VALUE_DEPTH_LIMIT: usize = 400;
+/// Most tokens of a texture with all that it holds.
+const VALUE_WEIGHT_LIMIT: u64 = 20_000_000;
 
 impl Parser {
     /// Obeys a directive; its word has been taken. `next` and `end` are the places of its next branch and of its `#end`.
@@ -70,13 +75,60 @@ impl Parser {
         }
         self.expect_raw("=", "a declaration")?;
         let old = self.set_barrier();
-        let value = self.rvalue();
+        let value = match self.sized_rvalue() {
+            Ok(value) => self.finish_macros().map(|()| value),
+            Err(stop) => Err(stop),
+        };
         self.lift_barrier(old);
-        self.assign(&place, value?, span)?;
+        let (value, size) = value?;
+        self.check_size(&value, size, &place, span)?;
+        self.assign(&place, value, span)?;
+        self.symbols.set_size(&place, size);
         if let Some((once, message)) = deprecation {
             let text = self.names.text(name);
             let message = message.unwrap_or_else(|| format!("the identifier `{text}` was declared deprecated").into());
             self.symbols.deprecate(name, Deprecation { once, told: false.into(), message });
+        }
+        Ok(())
+    }
+
+    /// A value and its size.
+    pub(super) fn sized_rvalue(&mut self) -> Parse<(Value, Size)> {
+        let outer = (std::mem::take(&mut self.used), std::mem::replace(&mut self.base_nesting, self.nesting), self.work);
+        let value = self.rvalue();
+        // Objects know their own depth: unions that grow in loops stay flat.
+        let depth = match &value {
+            Ok(Value::Object(o)) => self.used.depth.min(o.depth.saturating_add(1)),
+            _ => self.used.depth,
+        };
+        let size = Size { depth, weight: self.used.weight.saturating_add(self.work - outer.2) };
+        // An argument of a macro may become part of what is being declared around the call.
+        self.used.depth = size.depth.max(outer.0.depth);
+        self.used.weight = size.weight.saturating_add(outer.0.weight);
+        self.base_nesting = outer.1;
+        Ok((value?, size))
+    }
+
+    /// Keeps values within what programs can go through: those made of themselves in loops grow by a level, or double, each time.
+    fn check_size(&mut self, value: &Value, size: Size, place: &Place, span: Span) -> Parse<()> {
+        if size.depth as usize + place.path.len() > VALUE_DEPTH_LIMIT {
+            return Err(self.error(span, format!("this value holds others more than {VALUE_DEPTH_LIMIT} deep")));
+        }
+        // Parts of these are copies; objects share theirs.
+        let is_copied = matches!(
+            value,
+            Value::Pigment(_)
+                | Value::Normal(_)
+                | Value::Texture(_)
+                | Value::Material(_)
+                | Value::Interior(_)
+                | Value::Media(_)
+                | Value::PigmentMap(_)
+                | Value::NormalMap(_)
+                | Value::TextureMap(_)
+        );
+        if is_copied && size.weight > VALUE_WEIGHT_LIMIT {
+            return Err(self.error(span, format!("this {} is made of more than {VALUE_WEIGHT_LIMIT} tokens", value.kind())));
         }
         Ok(())
     }
@@ -138,7 +190,15 @@ impl Parser {
         }
         self.version = version as u32;
         self.stated_version = version as u32;
+        if !self.noise_generator_given {
+            self.scene.settings.noise_generator = self.default_noise_generator();
+        }
         Ok(())
+    }
+
+    /// The noise generator of scenes that do not say one: it changed with version 3.5, and the version at the end counts (measured).
+    pub(super) fn default_noise_generator(&self) -> u8 {
+        if self.version < 350 { 1 } else { 2 }
     }
 
     /// `#debug "…"` and its like.
@@ -193,10 +253,10 @@ impl Parser {
 
     #[allow(irrefutable_let_patterns)]
     fn default_layer(&mut self, change: impl FnOnce(&mut Layer)) {
-        if let Texture::Layers(layers) = Arc::make_mut(&mut self.default) {
-            if let Some(last) = layers.last_mut() {
-                change(last);
-            }
+        if let Texture::Layers(layers) = Arc::make_mut(&mut self.default)
+            && let Some(last) = layers.last_mut()
+        {
+            change(last);
         }
     }
 }

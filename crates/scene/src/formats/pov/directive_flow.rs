@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::lexer::{Directive, Raw, SIGNS, Sym};
 use super::parser::{Parse, Parser};
 use super::stream::{Block, BlockKind, FrameKind};
-use super::symbols::Place;
+use super::symbols::{Place, Size};
 use super::value::{Macro, Value};
 use crate::span::Span;
 
@@ -21,7 +21,7 @@ const PARAMETER_LIMIT: usize = 256;
 
 enum Argument {
     Place(Place),
-    Value(Value),
+    Value(Value, Size),
     Missing,
 }
 
@@ -295,11 +295,11 @@ impl Parser {
         while !self.accept_raw(")")? {
             let mut parameter = self.raw_name("a macro's parameter")?;
             let mut optional = false;
-            if &*self.names.text(parameter) == "optional" {
-                if let Some(Raw::Name(_)) = self.raw() {
-                    optional = true;
-                    parameter = self.raw_name("a macro's parameter")?;
-                }
+            if &*self.names.text(parameter) == "optional"
+                && let Some(Raw::Name(_)) = self.raw()
+            {
+                optional = true;
+                parameter = self.raw_name("a macro's parameter")?;
             }
             parameters.push((parameter, optional));
             if parameters.len() > PARAMETER_LIMIT {
@@ -331,8 +331,10 @@ impl Parser {
         for (&(name, _), argument) in m.parameters.iter().zip(arguments) {
             match argument {
                 Argument::Place(place) => self.symbols.bind_alias(name, level, place),
-                Argument::Value(value) => {
-                    self.symbols.set(&self.symbols.local_place(name, level), value);
+                Argument::Value(value, size) => {
+                    let place = self.symbols.local_place(name, level);
+                    self.symbols.set(&place, value);
+                    self.symbols.set_size(&place, size);
                 }
                 Argument::Missing => {}
             }
@@ -354,7 +356,8 @@ impl Parser {
                 let argument = self.argument()?;
                 arguments.push(argument);
             }
-            closed = !self.accept(",")?;
+            // Commas may be left out.
+            closed = !self.accept(",")? && self.at(")")?;
             if closed {
                 // Not counted as open by `next`, so it must not be counted as closed.
                 self.nesting += 1;
@@ -362,7 +365,7 @@ impl Parser {
             }
         }
         for i in 0..m.parameters.len() {
-            if !m.parameters[i].1 && !matches!(arguments.get(i), Some(Argument::Place(_) | Argument::Value(_))) {
+            if !m.parameters[i].1 && !matches!(arguments.get(i), Some(Argument::Place(_) | Argument::Value(..))) {
                 let name = self.names.text(m.parameters[i].0);
                 return Err(self.error(span, format!("the macro `{}` needs an argument for `{name}`", m.name)));
             }
@@ -373,21 +376,25 @@ impl Parser {
     /// An argument: a variable by reference where it stands alone, else a value.
     fn argument(&mut self) -> Parse<Argument> {
         let span = self.raw_span();
-        if let Some(Raw::Name(name)) = self.raw() {
-            if self.stands_alone() && !matches!(self.symbols.get(name), Some(Value::Macro(_))) {
-                if self.symbols.deprecation(name).is_some() {
-                    let text = self.symbols.deprecation(name).map(|d| d.message.to_string()).unwrap_or_default();
-                    self.warning(span, text);
-                }
-                self.take_raw()?;
-                let mut place = self.symbols.place(name);
-                if self.at_bracket() {
-                    place = self.indices(place, span)?;
-                }
-                return Ok(Argument::Place(place));
+        // Where a comma was left out, the argument's first token has been looked at, and is a value.
+        let raw = if self.ahead.is_none() { self.raw() } else { None };
+        if let Some(Raw::Name(name)) = raw
+            && self.stands_alone()
+            && !matches!(self.symbols.get(name), Some(Value::Macro(_)))
+        {
+            if self.symbols.deprecation(name).is_some() {
+                let text = self.symbols.deprecation(name).map(|d| d.message.to_string()).unwrap_or_default();
+                self.warning(span, text);
             }
+            self.take_raw()?;
+            let mut place = self.symbols.place(name);
+            if self.at_bracket() {
+                place = self.indices(place, span)?;
+            }
+            return Ok(Argument::Place(place));
         }
-        self.rvalue().map(Argument::Value)
+        let (value, size) = self.sized_rvalue()?;
+        Ok(Argument::Value(value, size))
     }
 
     pub(super) fn at_bracket(&self) -> bool {

@@ -419,7 +419,7 @@ impl Parser {
                 };
                 if is_srgb {
                     for c in &mut color[..3] {
-                        *c = self.from_srgb(*c);
+                        *c = self.linear_of_srgb(*c);
                     }
                 }
             }
@@ -428,8 +428,8 @@ impl Parser {
     }
 
     /// From the sRGB transfer curve to the working space.
-    fn from_srgb(&self, c: f64) -> f64 {
-        let linear = etendue_srgb(c);
+    fn linear_of_srgb(&self, c: f64) -> f64 {
+        let linear = decode_srgb(c);
         let gamma = self.scene.settings.assumed_gamma;
         if (gamma - 1.0).abs() < 1e-6 || !(gamma > 0.0) { linear } else { etendue_procedural::fns::pow(linear.max(0.0), 1.0 / gamma) }
     }
@@ -504,7 +504,7 @@ impl Parser {
 }
 
 /// sRGB (IEC 61966-2-1) decoding.
-fn etendue_srgb(c: f64) -> f64 {
+fn decode_srgb(c: f64) -> f64 {
     if c <= 0.04045 { c / 12.92 } else { etendue_procedural::fns::pow((c + 0.055) / 1.055, 2.4) }
 }
 
@@ -524,20 +524,21 @@ fn combine(a: Num, b: Num, f: impl Fn(f64, f64) -> f64) -> Num {
     let len = a.len.max(b.len);
     let (a, b) = (a.promoted(len), b.promoted(len));
     let mut v = [0.0; 5];
-    for i in 0..usize::from(len) {
-        v[i] = f(a.v[i], b.v[i]);
+    for (i, v) in v.iter_mut().enumerate().take(usize::from(len)) {
+        *v = f(a.v[i], b.v[i]);
     }
     Num { v, len }
 }
 
+/// Comparisons: all but `<` and `>` take close numbers for equal (measured).
 fn compare(op: &str, a: f64, b: f64) -> f64 {
     let equal = (a - b).abs() < EPSILON;
     f64::from(u8::from(match op {
-        "<" => a < b && !equal,
+        "<" => a < b,
         "<=" => a < b || equal,
         "=" => equal,
         ">=" => a > b || equal,
-        ">" => a > b && !equal,
+        ">" => a > b,
         _ => !equal,
     }))
 }

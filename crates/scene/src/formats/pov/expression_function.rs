@@ -1,11 +1,12 @@
 //! Functions and variables that words stand for in numeric expressions.
 
-use etendue_procedural::spline::SplineKind;
 use etendue_procedural::{Context, Function, Spline, fns, noise};
 use glam::DVec3;
 use std::sync::Arc;
 
+use super::Probe;
 use super::expression::{rotation, rotation_about};
+use super::items::{SPLINE_WORDS, spline_kind};
 use super::parser::{Parse, Parser, Token};
 use super::value::{Num, Value};
 use crate::desc::classic::Object;
@@ -315,13 +316,24 @@ impl Parser {
         if arguments.len() != count {
             return Err(self.error(span, format!("the function takes {count} arguments, but here are {}", arguments.len())));
         }
-        let mut context = Context::at(DVec3::ZERO);
-        context.noise_generator = self.scene.settings.noise_generator;
+        let probe = self.options.probe.clone();
+        let context = self.context(probe.as_deref());
         let values = f.eval_vector(&arguments, &context);
         // A function may be a long computation.
         self.check_time()?;
         let len = f.components().clamp(1, 5);
         Ok(if f.is_vector() { Num::vector(&values[..len.max(2)]) } else { Num::float(values[0]) })
+    }
+
+    /// What functions see that are called while the scene is read.
+    pub(super) fn context<'p>(&self, probe: Option<&'p dyn Probe>) -> Context<'p> {
+        let settings = &self.scene.settings;
+        Context {
+            images: probe.and_then(|p| p.images()),
+            noise_generator: settings.noise_generator,
+            number_of_waves: settings.number_of_waves,
+            ..Context::at(DVec3::ZERO)
+        }
     }
 
     /// `Spline(t)` or `Spline(t, type)`.
@@ -330,12 +342,8 @@ impl Parser {
         let t = self.full_float()?;
         let mut values = None;
         if self.accept(",")? {
-            let kind = match self.accept_any(&["linear_spline", "quadratic_spline", "cubic_spline", "natural_spline"])? {
-                Some("linear_spline") => SplineKind::Linear,
-                Some("quadratic_spline") => SplineKind::Quadratic,
-                Some("cubic_spline") => SplineKind::Cubic,
-                Some(_) => SplineKind::Natural,
-                None => return Err(self.unexpected("a spline's type")),
+            let Some(kind) = self.accept_any(SPLINE_WORDS)?.and_then(spline_kind) else {
+                return Err(self.unexpected("a call of a spline, where its type may stand"));
             };
             values = Some(s.with_kind(kind).eval(t));
         }

@@ -53,17 +53,17 @@ impl Files {
             Ok(path) => return Ok((path, false)),
             Err(e) => e,
         };
-        if let Some(folder) = including {
-            if let Ok(path) = self.resolver.resolve(folder, name) {
-                return Ok((path, false));
-            }
+        if let Some(folder) = including
+            && let Ok(path) = self.resolver.resolve(folder, name)
+        {
+            return Ok((path, false));
         }
         let trimmed = name.trim();
         for folder in including.into_iter().chain(self.folders.iter().map(PathBuf::as_path)) {
-            if let Some(other) = other_case(folder, trimmed) {
-                if let Ok(path) = self.resolver.resolve(folder, &other) {
-                    return Ok((path, true));
-                }
+            if let Some(other) = other_case(folder, trimmed)
+                && let Ok(path) = self.resolver.resolve(folder, &other)
+            {
+                return Ok((path, true));
             }
         }
         Err(first)
@@ -182,6 +182,7 @@ impl Parser {
     pub(super) fn declare_options(&mut self) -> Parse<()> {
         self.version = self.options.version.unwrap_or(362);
         self.stated_version = self.options.version.unwrap_or(370);
+        self.scene.settings.noise_generator = self.default_noise_generator();
         for (name, text) in self.options.declares.clone() {
             let is_name = name.starts_with(|c: char| c.is_ascii_alphabetic() || c == '_')
                 && name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'_')

@@ -89,10 +89,10 @@ fn walk(folder: &Path, depth: u32, left: &mut usize, found: &mut Vec<(String, Pa
             if depth > 0 {
                 walk(&path, depth - 1, left, found);
             }
-        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| ["ttf", "ttc", "otf"].contains(&&*e.to_lowercase())) {
-            if let Some(stem) = path.file_stem().and_then(|s| s.to_str()) {
-                found.push((stem.to_lowercase(), path));
-            }
+        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| ["ttf", "ttc", "otf"].contains(&&*e.to_lowercase()))
+            && let Some(stem) = path.file_stem().and_then(|s| s.to_str())
+        {
+            found.push((stem.to_lowercase(), path));
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicU64;
 
-use etendue_procedural::{Color, Layer, Texture};
+use etendue_procedural::{Color, ImageId, Layer, Texture};
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::Value;
@@ -14,7 +14,7 @@ use super::options::PovOptions;
 use super::random::Streams;
 use super::stream::{Barrier, Block, Frame};
 use super::symbols::Symbols;
-use crate::desc::classic::ClassicScene;
+use crate::desc::classic::{ClassicImage, ClassicScene, ImageContent, ImageGamma, ImageSource};
 use crate::report::Report;
 use crate::span::Span;
 
@@ -67,6 +67,9 @@ pub struct Parser {
     pub(super) depth: u32,
     /// Tokens read so far.
     pub(super) work: u64,
+    /// Size of what is being declared, and the nesting at which it began.
+    pub(super) used: super::symbols::Size,
+    pub(super) base_nesting: u32,
     pub(super) begun: std::time::Instant,
     /// Blocks `{ … }` begun so far.
     pub(super) braces: u64,
@@ -76,6 +79,8 @@ pub struct Parser {
     pub(super) version: u32,
     /// What the word `version` stands for: 3.7 before the first `#version`, though the scene is then read as one of 3.62.
     pub(super) stated_version: u32,
+    /// `noise_generator` of the global settings was said; otherwise it goes by the version.
+    pub(super) noise_generator_given: bool,
     pub(super) streams: Streams,
     pub(super) default: Arc<Texture>,
     /// Whether the scene has a camera.
@@ -108,12 +113,15 @@ impl Parser {
             nesting: 0,
             depth: 0,
             work: 0,
+            used: super::symbols::Size::default(),
+            base_nesting: 0,
             begun: std::time::Instant::now(),
             braces: 0,
             living_elements: Arc::default(),
             string_bytes: 0,
             version: 362,
             stated_version: 370,
+            noise_generator_given: false,
             streams: Streams::default(),
             default: Arc::new(Texture::Layers(vec![Layer::default()])),
             has_camera: false,
@@ -329,15 +337,29 @@ impl Parser {
     }
 
     /// Registers a picture by the name in the file, looked up in the scene's folder and the search path.
-    pub fn image(&mut self, name: &str, span: Span, gamma: Option<f64>) -> Parse<etendue_procedural::ImageId> {
+    pub fn image(
+        &mut self,
+        name: &str,
+        span: Span,
+        content: ImageContent,
+        (gamma, premultiplied): (Option<ImageGamma>, Option<bool>),
+    ) -> Parse<ImageId> {
         let path = self.find_file(name, IMAGE_EXTENSIONS, span)?;
-        let image = crate::desc::classic::ClassicImage { path, span, gamma };
-        let same = self.scene.images.iter().position(|i| i.path == image.path && i.gamma == image.gamma);
-        let at = same.unwrap_or_else(|| {
-            self.scene.images.push(image);
-            self.scene.images.len() - 1
+        let image = ClassicImage { source: ImageSource::File(path), span, gamma, content, premultiplied };
+        let same = self.scene.images.iter().position(|i| {
+            (&i.source, i.gamma, i.content, i.premultiplied) == (&image.source, image.gamma, image.content, image.premultiplied)
         });
-        Ok(at as etendue_procedural::ImageId)
+        Ok(same.map_or_else(|| self.add_image(image), |at| at as ImageId))
+    }
+
+    /// The number of a picture that is new.
+    pub(super) fn add_image(&mut self, image: ClassicImage) -> ImageId {
+        let id = self.scene.images.len() as ImageId;
+        if let Some(probe) = &self.options.probe {
+            probe.add_image(id, &image, &self.scene.settings);
+        }
+        self.scene.images.push(image);
+        id
     }
 
     /// The bytes of a file (font, density file, mesh) by the name in the scene.

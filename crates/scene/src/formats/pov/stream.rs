@@ -90,14 +90,31 @@ impl Parser {
             Some((Token::Sign(";"), _)) => self.ahead = None,
             Some(_) => {}
             None => {
-                if let Some(f) = self.frames.last_mut() {
-                    if f.at < f.end && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON) {
-                        f.at += 1;
-                    }
+                if let Some(f) = self.frames.last_mut()
+                    && f.at < f.end
+                    && f.code.tokens[f.at].raw == Raw::Sign(SEMICOLON)
+                {
+                    f.at += 1;
                 }
             }
         }
         self.barrier = old;
+    }
+
+    /// Leaves macros whose last token was the value of a declaration, so that its semicolon is next.
+    pub(super) fn finish_macros(&mut self) -> Parse<()> {
+        while self.ahead.is_none() && self.frames.len() > self.barrier.frames {
+            match self.raw() {
+                None => self.leave_frame()?,
+                Some(Raw::Directive { kind, next, end }) => {
+                    let span = self.raw_span();
+                    self.take_raw()?;
+                    self.directive(kind, next, end, span)?;
+                }
+                Some(_) => break,
+            }
+        }
+        Ok(())
     }
 
     fn stopped_by_barrier(&self) -> bool {
@@ -222,8 +239,14 @@ impl Parser {
         if let Some(f) = self.frames.last_mut() {
             f.at += 1;
         }
-        self.work += 1;
-        if self.work % (1 << 20) == 0 {
+        self.spend(1)
+    }
+
+    /// Counts work, in tokens, towards the limit.
+    pub(super) fn spend(&mut self, work: u64) -> Parse<()> {
+        let before = self.work;
+        self.work = before.saturating_add(work);
+        if before >> 20 != self.work >> 20 {
             self.check_time()?;
         }
         if self.work > self.options.work_limit {
@@ -328,6 +351,7 @@ impl Parser {
                 match self.symbols.at(&place) {
                     Some(v) => {
                         let token = Token::Identifier(self.names.text(name), v.clone());
+                        self.use_size(name);
                         self.ahead = Some((token, span));
                     }
                     None => {
@@ -338,10 +362,21 @@ impl Parser {
             }
             Some(value) => {
                 let value = value.clone();
+                if !matches!(value, Value::Float(_) | Value::Vector(_) | Value::String(_)) {
+                    self.use_size(name);
+                }
                 self.ahead = Some((Token::Identifier(self.names.text(name), value), span));
             }
         }
         Ok(())
+    }
+
+    /// Counts a value as part of what is being declared. Right inside of its braces it is what the new value is made of, not a part.
+    fn use_size(&mut self, name: Sym) {
+        let size = self.symbols.size(name);
+        let is_part = self.nesting > self.base_nesting + 1;
+        self.used.depth = self.used.depth.max(size.depth + u32::from(is_part));
+        self.used.weight = self.used.weight.saturating_add(size.weight);
     }
 
     fn tell_deprecation(&mut self, name: Sym, span: Span) {

@@ -206,7 +206,7 @@ fn date_text(days: f64, format: &str) -> String {
             Some('T') => write!(out, "{h:02}:{m:02}:{s:02}"),
             Some('D') => write!(out, "{month:02}/{date:02}/{:02}", year.rem_euclid(100)),
             Some('j') => write!(out, "{:03}", day - day_of(year, 1, 1) + 1),
-            Some('n') => write!(out, "\n"),
+            Some('n') => writeln!(out),
             Some('t') => write!(out, "\t"),
             Some('Z') => write!(out, "UTC"),
             Some('%') => write!(out, "%"),

@@ -31,7 +31,18 @@ enum Slot {
 struct Binding {
     level: u32,
     slot: Slot,
+    size: Size,
     deprecated: Option<Arc<Deprecation>>,
+}
+
+/// How large a value is, as far as the identifiers that it was made of tell: what is made in loops of itself could otherwise become too
+/// deep or too large for anything that goes through it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Size {
+    /// Values inside of one another.
+    pub(super) depth: u32,
+    /// Tokens of it and of all that it holds.
+    pub(super) weight: u64,
 }
 
 /// What to say when a deprecated identifier is used.
@@ -73,10 +84,10 @@ impl Symbols {
     pub(super) fn leave(&mut self) {
         let level = self.level();
         for name in self.scopes.pop().unwrap_or_default() {
-            if let Some(list) = self.bindings.get_mut(name as usize) {
-                if list.last().is_some_and(|b| b.level == level) {
-                    list.pop();
-                }
+            if let Some(list) = self.bindings.get_mut(name as usize)
+                && list.last().is_some_and(|b| b.level == level)
+            {
+                list.pop();
             }
         }
     }
@@ -101,6 +112,28 @@ impl Symbols {
                 Slot::Value(v) => element(v, &place.path),
                 Slot::Alias(_) => None,
             },
+        }
+    }
+
+    /// The size of a name's value.
+    pub(super) fn size(&self, name: Sym) -> Size {
+        let Some(binding) = self.bindings.get(name as usize).and_then(|l| l.last()) else { return Size::default() };
+        match &binding.slot {
+            Slot::Value(_) => binding.size,
+            Slot::Alias(place) => self.binding(place.name, place.level).map_or_else(Size::default, |b| b.size),
+        }
+    }
+
+    /// States the size of the value that a place now has; an array is as large as its largest elements together.
+    pub(super) fn set_size(&mut self, place: &Place, size: Size) {
+        let level = place.level;
+        if let Some(b) = self.list(place.name).iter_mut().rev().find(|b| b.level == level) {
+            b.size = if place.path.is_empty() {
+                size
+            } else {
+                let depth = (size.depth + place.path.len() as u32).max(b.size.depth);
+                Size { depth, weight: size.weight.max(b.size.weight) }
+            };
         }
     }
 
@@ -148,9 +181,12 @@ impl Symbols {
         let list = self.list(name);
         let at = list.iter().rposition(|b| b.level <= level);
         match at {
-            Some(i) if list[i].level == level => list[i].slot = slot,
+            Some(i) if list[i].level == level => {
+                list[i].slot = slot;
+                list[i].size = Size::default();
+            }
             _ => {
-                list.insert(at.map_or(0, |i| i + 1), Binding { level, slot, deprecated: None });
+                list.insert(at.map_or(0, |i| i + 1), Binding { level, slot, size: Size::default(), deprecated: None });
                 if level > 0 {
                     self.scopes[level as usize - 1].push(name);
                 }

@@ -15,7 +15,7 @@ impl Writer<'_> {
         for (prefix, kind) in [("c", "spectrum"), ("f", "float")] {
             let float = prefix == "f";
             let _ = write!(self.text, "Texture \"{prefix}{i}\" \"{kind}\"");
-            let mut value = |w: &mut Self, name: &str, c: Color| match (c, float) {
+            let value = |w: &mut Self, name: &str, c: Color| match (c, float) {
                 (Param::Constant([r, g, b]), true) => w.float(name, 0.2126 * r + 0.7152 * g + 0.0722 * b),
                 (Param::Constant(c), false) => w.rgb(name, c),
                 (Param::Texture(id), _) => w.texture_ref(name, prefix, id),

@@ -5,6 +5,7 @@ use std::io;
 
 use glam::{Mat4, Vec3};
 
+use super::super::angles::{atan, tan};
 use super::Writer;
 use crate::desc::{
     BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MediumDesc, MeshId, Node, Param, PhaseDesc,
@@ -76,7 +77,7 @@ impl Writer<'_> {
         match &camera.projection {
             ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset } => {
                 self.text.push_str("\"perspective\"");
-                let t = (0.5 * fov_rad).tan();
+                let t = tan(0.5 * fov_rad);
                 let half_width = match fov_axis {
                     FovAxis::X => t,
                     FovAxis::Y => t * w / h,
@@ -85,7 +86,7 @@ impl Writer<'_> {
                     FovAxis::Diagonal => t * w / (w * w + h * h).sqrt(),
                 };
                 let smaller = half_width * (h / w).min(1.0);
-                self.float("fov", 2.0 * smaller.atan().to_degrees());
+                self.float("fov", 2.0 * atan(smaller).to_degrees());
                 let [x, y] = *principal_point_offset;
                 if x != 0.0 || y != 0.0 {
                     let (a, b) = ((w / h).max(1.0), (h / w).max(1.0));

@@ -19,7 +19,7 @@ struct Words {
     look_at: Option<DVec3>,
     /// `angle` was written, perhaps without a number (orthographic).
     angle_word: bool,
-    /// `right` or `up` was written.
+    /// `right` or `up` was written, here or in the camera that this one is a copy of.
     size_word: bool,
     smooth: bool,
     transform: Option<DMat4>,
@@ -59,6 +59,7 @@ impl Parser {
         let mut words = Words::default();
         if let Some(camera) = self.accept_value(|v| if let Value::Camera(c) = v { Some(c.clone()) } else { None })? {
             words.camera = Arc::unwrap_or_clone(camera);
+            words.size_word = true;
         }
         while !self.accept("}")? {
             if let Some(word) = self.accept_any(WORDS)? {
@@ -154,12 +155,17 @@ impl Parser {
         self.comma()?;
         let max_distance = if self.at_float()? { self.float()? } else { 0.0 };
         let mut meshes = Vec::new();
+        let mut smooth = false;
         while !self.accept("}")? {
             self.comma()?;
+            if self.accept("smooth")? {
+                smooth = true;
+                continue;
+            }
             let object = self.object()?;
             meshes.push(Arc::new(object));
         }
-        Ok(MeshCamera { rays_per_pixel, distribution, max_distance, meshes, smooth: false })
+        Ok(MeshCamera { rays_per_pixel, distribution, max_distance, meshes, smooth })
     }
 
     /// Angle, then `look_at`, then transforms.
@@ -176,7 +182,7 @@ impl Parser {
                     camera.direction = camera.direction.normalize_or(DVec3::Z) * length;
                 }
             }
-            CameraKind::Mesh(mesh) => mesh.smooth = smooth,
+            CameraKind::Mesh(mesh) => mesh.smooth |= smooth,
             _ => {}
         }
         if let Some(target) = look_at {
@@ -214,11 +220,41 @@ fn aim(camera: &mut Camera, target: DVec3, sky: DVec3) {
         return;
     }
     let [direction, right, up] = [camera.direction.length(), camera.right.length(), camera.up.length()];
-    let mirrored = camera.up.cross(camera.direction).dot(camera.right) < 0.0;
+    // Vectors in one plane count as mirrored (measured).
+    let mirrored = !(camera.up.cross(camera.direction).dot(camera.right) > 0.0);
     let aside = sky.cross(forward);
     // Looking along the sky vector there is no horizon to keep level: the old right stays.
     let aside = if aside.length() > 1e-10 * sky.length() { aside.normalize() } else { camera.right.normalize_or(DVec3::X) };
     camera.direction = forward * direction;
     camera.up = forward.cross(aside) * up;
     camera.right = aside * if mirrored { -right } else { right };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn camera(text: &str) -> Camera {
+        let mut parser = Parser::from_text(text);
+        assert!(parser.parse_scene().is_ok(), "{text}");
+        parser.scene.camera
+    }
+
+    #[test]
+    fn vectors_in_one_plane_are_mirrored() {
+        let from_above = camera("camera { location y*3 up z right x sky z look_at 0 }");
+        assert!((from_above.right - DVec3::NEG_X).length() < 1e-12 && (from_above.up - DVec3::Z).length() < 1e-12);
+        let turned = camera("camera { location -z*3 up y right x look_at 0 }");
+        assert!((turned.right - DVec3::X).length() < 1e-12);
+    }
+
+    #[test]
+    fn copies_of_orthographic_cameras_keep_their_size() {
+        let text = "#declare C = camera { orthographic angle 15 location <20, 20, -20> right x*4/3 look_at 0 }";
+        let first = camera(&format!("{text} camera {{ C }}"));
+        let again = camera(&format!("{text} #declare D = camera {{ C }} camera {{ D translate x }}"));
+        assert_eq!(first.right.length(), again.right.length());
+        // 2 · √1200 · tan 7.5°
+        assert!((first.right.length() - 9.1212).abs() < 1e-3, "{}", first.right.length());
+    }
 }

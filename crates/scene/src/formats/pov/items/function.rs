@@ -322,6 +322,9 @@ impl Parser {
             let wanted = f.parameters.len();
             return Err(self.error(span, format!("this function has {wanted} parameters, but {count} are given")));
         }
+        if !f.is_known() {
+            self.loss(span, "f_comma or f_helical_torus", "is 0 everywhere");
+        }
         let mut component = Component::Number(0);
         if f.is_vector() {
             self.expect(".")?;

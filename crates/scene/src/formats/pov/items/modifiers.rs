@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use etendue_procedural::Texture;
+use etendue_procedural::{Layer, Texture};
 
 use super::super::{Parse, Parser};
 use super::pattern::pick;
@@ -19,12 +19,14 @@ impl Parser {
                 return Err(self.unexpected("an object"));
             }
         }
+        map_by_uv(&mut object);
         Ok(object)
     }
 
     /// One modifier, if one follows.
     fn modifier(&mut self, object: &mut Object) -> Parse<bool> {
         if let Some(matrix) = self.accept_transform()? {
+            map_by_uv(object);
             object.transform(&matrix);
             return Ok(true);
         }
@@ -50,11 +52,13 @@ impl Parser {
             "clipped_by" => {
                 self.next()?;
                 let mut clips = self.shared_shapes("bounded_by", &object.bounded_by)?;
+                self.grow(object, &clips)?;
                 object.clipped_by.append(&mut clips);
             }
             "bounded_by" => {
                 self.next()?;
                 let mut bounds = self.shared_shapes("clipped_by", &object.clipped_by)?;
+                self.grow(object, &bounds)?;
                 object.bounded_by.append(&mut bounds);
             }
             "inverse" => {
@@ -184,6 +188,15 @@ impl Parser {
         self.objects_to_brace()
     }
 
+    /// Counts clips and bounds among an object's parts.
+    fn grow(&mut self, object: &mut Object, shapes: &[Arc<Object>]) -> Parse<()> {
+        for shape in shapes {
+            object.leaves = object.leaves.saturating_add(shape.leaves);
+            object.depth = object.depth.max(shape.depth.saturating_add(1));
+        }
+        self.check_size_of(object)
+    }
+
     /// `photons { … }` of an object.
     fn photon_settings(&mut self, photons: &mut PhotonSettings) -> Parse<()> {
         self.expect("{")?;
@@ -232,5 +245,18 @@ impl Parser {
         part.texture = Some(texture.clone());
         self.component_modifiers(&mut part)?;
         Ok(part.texture.unwrap_or(texture))
+    }
+}
+
+/// `uv_mapping` of an object is that of its textures, also of those that come after it.
+fn map_by_uv(object: &mut Object) {
+    if !object.uv_mapping {
+        return;
+    }
+    for texture in [&mut object.texture, &mut object.interior_texture].into_iter().flatten() {
+        match Arc::make_mut(texture) {
+            Texture::Patterned(patterned) => patterned.uv_mapping = true,
+            Texture::Layers(layers) => layers.iter_mut().for_each(Layer::map_by_uv),
+        }
     }
 }

@@ -134,7 +134,8 @@ fn combinations_and_modifiers() {
     assert_eq!(o.photons.target, Some(2.0));
     assert_eq!((o.photons.reflection, o.photons.refraction, o.photons.no_collect), (Some(true), Some(false), true));
     assert_eq!(o.clipped_by, o.bounded_by);
-    assert_eq!((o.leaves, o.depth), (2, 1));
+    // The clip and the bound count as well.
+    assert_eq!((o.leaves, o.depth), (4, 1));
     // Grown step by step, unions stay flat.
     let grown = one(
         "#declare A = union { sphere { 0, 1 } } #for (I, 1, 1000) #declare A = union { object { A } sphere { I, 1 } } #end object { A }",
@@ -150,6 +151,8 @@ fn hostile_objects() {
     let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 60) #declare A = union { object { A scale 2 } object { A } } #end";
     assert!(fault(text).contains("primitives"));
     let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 600) #declare A = merge { object { A } } #end";
+    assert!(fault(text).contains("deep"));
+    let text = "#declare A = sphere { 0, 1 }; #for (I, 1, 600) #declare A = box { 0, 1 clipped_by { object { A } } } #end";
     assert!(fault(text).contains("deep"));
     assert!(fault("mesh2 { vertex_vectors { 1e12, 0 } }").contains("between 0 and"));
     assert!(fault("polygon { -1, 0 }").contains("between 0 and"));
@@ -175,5 +178,19 @@ fn letters() {
         for i in 0..contour.len() {
             assert_eq!(ends(&contour[i]).1, ends(&contour[(i + 1) % contour.len()]).0);
         }
+    }
+}
+
+#[test]
+fn uv_mapping_of_an_object_is_that_of_its_texture() {
+    let pigment = "pigment { checker rgb 0 rgb 1 scale 0.5 }";
+    for text in [
+        format!("box {{ -1, 1 uv_mapping texture {{ {pigment} }} rotate y*90 }}"),
+        format!("box {{ -1, 1 {pigment} uv_mapping }}"),
+        format!("box {{ -1, 1 texture {{ uv_mapping {pigment} }} }}"),
+    ] {
+        let object = one(&text);
+        let layers = object.texture.as_ref().and_then(|t| t.layers()).unwrap();
+        assert!(matches!(&layers[0].pigment, Pigment::Patterned(p) if p.uv_mapping), "{text}");
     }
 }

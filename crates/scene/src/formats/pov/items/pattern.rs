@@ -120,7 +120,7 @@ impl Parser {
             "gradient" => PatternKind::Gradient(self.vector3()?),
             "granite" => PatternKind::Granite,
             "hexagon" => PatternKind::Hexagon,
-            "image_pattern" => PatternKind::Image(Arc::new(self.image_map_block()?)),
+            "image_pattern" => PatternKind::Image(Arc::new(self.image_map_block(true)?)),
             "julia" => {
                 let c = self.vector2()?;
                 self.comma()?;

@@ -85,7 +85,7 @@ impl Parser {
             }
             Some("image_map") => {
                 self.next()?;
-                let image = self.image_map_block()?;
+                let image = self.image_map_block(false)?;
                 draft.solid = None;
                 draft.patterned.pattern.kind = PatternKind::None;
                 draft.patterned.fill = PigmentFill::Image(image);

@@ -102,7 +102,10 @@ impl Parser {
                 }
                 "mm_per_unit" => self.scene.settings.mm_per_unit = self.float()?,
                 "number_of_waves" => self.scene.settings.number_of_waves = self.float()?.clamp(1.0, 1000.0) as u32,
-                "noise_generator" => self.scene.settings.noise_generator = self.float()?.clamp(1.0, 3.0) as u8,
+                "noise_generator" => {
+                    self.scene.settings.noise_generator = self.float()?.clamp(1.0, 3.0) as u8;
+                    self.noise_generator_given = true;
+                }
                 "radiosity" => self.radiosity()?,
                 "photons" => self.photons()?,
                 _ => self.subsurface()?,

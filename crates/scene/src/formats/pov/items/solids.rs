@@ -151,7 +151,7 @@ impl Parser {
     pub(super) fn count(&mut self, things: &str) -> Parse<usize> {
         let span = self.span();
         let count = self.float()?;
-        if !(count >= 0.0 && count <= COUNT_LIMIT) {
+        if !(0.0..=COUNT_LIMIT).contains(&count) {
             return Err(self.error(span, format!("the number of {things} must be between 0 and {COUNT_LIMIT}")));
         }
         Ok(count as usize)

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use etendue_procedural::Context;
 use glam::{DMat4, DVec2, DVec3, DVec4};
 
 use super::super::{Parse, Parser};
 use crate::desc::classic::{
-    BicubicPatch, Blob, BlobComponent, BlobKind, CurveKind, HeightField, HeightSource, JuliaFractal, JuliaFunction, Object, Prism, Solid,
-    SphereSweep, SweepKind,
+    BicubicPatch, Blob, BlobComponent, BlobKind, CurveKind, HeightField, HeightSource, ImageContent, JuliaFractal, JuliaFunction, Object,
+    Prism, Solid, SphereSweep, SweepKind,
 };
 use crate::span::Span;
 
@@ -171,20 +170,16 @@ impl Parser {
         let source = if self.peek_word()? == Some("function") {
             self.height_function(span)?
         } else {
-            self.accept_any(&["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff", "bmp"])?;
+            let kind = self.accept_any(&["exr", "gif", "hdr", "iff", "jpeg", "pgm", "png", "pot", "ppm", "sys", "tga", "tiff", "bmp"])?;
             let at = self.span();
             let name = self.string()?;
-            let mut gamma = 1.0;
-            loop {
-                if self.accept("gamma")? {
-                    gamma = if self.accept("srgb")? { 2.2 } else { self.float()? };
-                } else if self.accept("premultiplied")? {
-                    self.flag()?;
-                } else {
-                    break;
-                }
+            let options = self.image_options()?;
+            let image = self.image(&name, at, ImageContent::Data, options)?;
+            if kind == Some("pot") || name.to_ascii_lowercase().ends_with(".pot") {
+                HeightSource::Potential(image)
+            } else {
+                HeightSource::Image(image)
             }
-            HeightSource::Image(self.image(&name, at, Some(gamma))?)
         };
         let mut field = HeightField { source, smooth: false, water_level: 0.0 };
         loop {
@@ -280,8 +275,8 @@ impl Parser {
             return Err(self.error(span, format!("the function of a height_field needs 2 by 2 to {HEIGHTS_LIMIT} samples in all")));
         }
         let function = self.function_body(["x", "y", "z"].map(String::from).to_vec())?;
-        let mut context = Context::at(DVec3::ZERO);
-        context.noise_generator = self.scene.settings.noise_generator;
+        let probe = self.options.probe.clone();
+        let context = self.context(probe.as_deref());
         let (width, height) = (width as u32, height as u32);
         let mut values = Vec::with_capacity(width as usize * height as usize);
         for row in 0..height {
@@ -298,7 +293,7 @@ impl Parser {
 
 /// A function's value as one of 65536 levels. Values beyond 0 to 1 wrap around, whole numbers above 0 to 1 (measured: 2 gives 1, −1 gives 0,
 /// 1.25 gives 0.25).
-fn height_level(value: f64) -> f64 {
+pub(super) fn height_level(value: f64) -> f64 {
     let part = value - value.floor();
     let part = if part == 0.0 && value > 0.0 { 1.0 } else { part };
     if part.is_finite() { (part * 65535.0).floor() / 65535.0 } else { 0.0 }

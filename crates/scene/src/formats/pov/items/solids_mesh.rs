@@ -30,11 +30,8 @@ impl Parser {
     pub(super) fn mesh(&mut self) -> Parse<Solid> {
         let mut mesh = Mesh::default();
         let mut textures = TextureList::default();
-        loop {
-            let smooth = match self.accept_any(&["triangle", "smooth_triangle"])? {
-                Some(word) => word == "smooth_triangle",
-                None => break,
-            };
+        while let Some(word) = self.accept_any(&["triangle", "smooth_triangle"])? {
+            let smooth = word == "smooth_triangle";
             self.expect("{")?;
             let corners: [DVec3; 3] = if smooth {
                 let [a, na, b, nb, c, nc] = self.vectors3()?;

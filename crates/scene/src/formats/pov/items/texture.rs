@@ -99,14 +99,16 @@ impl Parser {
     fn texture_pattern(&mut self, texture: &mut Texture) -> Parse<bool> {
         let span = self.span();
         if self.accept("tiles")? {
+            self.expect("{")?;
             let mut list = vec![self.tile()?];
             self.expect("tile2")?;
             list.push(self.tile()?);
+            self.expect("}")?;
             let pattern = Pattern::new(PatternKind::Checker);
             *texture = Texture::Patterned(Box::new(PatternedTexture::new(pattern, TextureFill::List(Arc::new(list)))));
         } else if self.accept("material_map")? {
             self.expect("{")?;
-            let (image, _) = self.image_map_items()?;
+            let (image, _) = self.image_map_items(true)?;
             let mut list = Vec::new();
             while self.peek_word()? == Some("texture") {
                 list.push(self.texture_block()?);

@@ -1,0 +1,265 @@
+//! Media: what is given, taken and scattered along a part of a ray.
+//!
+//! How many samples are taken where was measured on media whose density is a step: with method 3 a ray is cut at j / (n + 1), n = ⌊samples
+//! / 2⌋ + 1 ≥ 2; each of the n pieces is the mean of its ends and its middle, halved again while they differ, and light that was given before
+//! is not weakened by the piece's own extinction.
+
+use etendue_procedural::fns;
+use etendue_scene::desc::classic::{LightKind, Media, Scattering};
+use glam::DVec3;
+
+use super::refract::Stack;
+use super::trace::Tracer;
+use super::{ClassicWorld, atmosphere, peak};
+use crate::solid::Line;
+
+/// What a place in media does to light, per unit of length.
+#[derive(Clone, Copy, Default)]
+struct Place {
+    given: DVec3,
+    taken: DVec3,
+    /// Density by color, for telling whether places differ.
+    varying: DVec3,
+}
+
+impl Place {
+    fn mean(a: Self, b: Self, c: Self) -> Self {
+        let third = 1.0 / 3.0;
+        Self {
+            given: (a.given + b.given + c.given) * third,
+            taken: (a.taken + b.taken + c.taken) * third,
+            varying: (a.varying + b.varying + c.varying) * third,
+        }
+    }
+
+    fn half(a: Self, b: Self) -> Self {
+        Self { given: (a.given + b.given) * 0.5, taken: (a.taken + b.taken) * 0.5, varying: (a.varying + b.varying) * 0.5 }
+    }
+}
+
+/// The media around a ray: none inside of anything solid.
+fn around<'w>(world: &'w ClassicWorld, inside: &'w Stack) -> Vec<&'w Media> {
+    if !inside.iter().all(|w| w.hollow) {
+        return Vec::new();
+    }
+    let own = inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media);
+    own.chain(&world.scene.atmosphere).collect()
+}
+
+impl Tracer<'_, '_> {
+    /// Light that has come along a part of a ray through the media that the ray is inside of.
+    pub(super) fn through_media(&mut self, color: DVec3, line: &Line, t: f64, inside: &Stack, group: u32) -> DVec3 {
+        let world = self.world;
+        let media = around(world, inside);
+        let Some(first) = media.first() else { return color };
+        let t = t.min(atmosphere::FAR);
+        let mut cuts = vec![0.0, t];
+        if media.iter().any(|m| m.scattering.is_some()) {
+            world.cut_at_cones(line, t, &mut cuts);
+        }
+        let intervals = media.iter().map(|m| m.intervals).max().unwrap_or(1).max(1);
+        let pieces = f64::from(intervals.div_ceil(cuts.len() as u32 - 1).max(1));
+        let samples = media.iter().map(|m| m.samples[0]).max().unwrap_or(1);
+        let (mut added, mut passing) = (DVec3::ZERO, DVec3::ONE);
+        for cut in cuts.windows(2) {
+            let step = (cut[1] - cut[0]) / pieces;
+            if !(step > 0.0) {
+                continue;
+            }
+            for k in 0..pieces as u32 {
+                let from = cut[0] + f64::from(k) * step;
+                self.interval(line, from, step, &media, first, samples, group, &mut added, &mut passing);
+                if peak(passing) < 1e-6 {
+                    return added;
+                }
+            }
+        }
+        color * passing + added
+    }
+
+    #[expect(clippy::too_many_arguments, reason = "private; one loop in two functions")]
+    fn interval(
+        &mut self,
+        line: &Line,
+        from: f64,
+        length: f64,
+        media: &[&Media],
+        rule: &Media,
+        samples: u32,
+        group: u32,
+        added: &mut DVec3,
+        passing: &mut DVec3,
+    ) {
+        if rule.method == 3 {
+            let n = (samples / 2 + 1).clamp(2, 10_000);
+            let spacing = length / f64::from(n + 1);
+            let shift = if rule.jitter != 0.0 { rule.jitter * (f64::from(self.stream.next_1d()) - 0.5) } else { 0.0 };
+            let at = |j: u32| from + (f64::from(j) + shift).max(0.0) * spacing;
+            let step = length / f64::from(n);
+            let mut a = self.place(line.at(at(0)), line.d, media, group);
+            for j in 0..n {
+                let b = self.place(line.at(at(j + 1)), line.d, media, group);
+                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], media, rule, 1, group);
+                *added += *passing * piece.given * step;
+                *passing *= exponential(piece.taken * -step);
+                a = b;
+            }
+        } else {
+            let n = samples.clamp(1, 10_000);
+            let step = length / f64::from(n);
+            for k in 0..n {
+                let u = match rule.method {
+                    1 => f64::from(self.stream.next_1d()),
+                    _ if rule.jitter != 0.0 => 0.5 + rule.jitter * (f64::from(self.stream.next_1d()) - 0.5),
+                    _ => 0.5,
+                };
+                let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, media, group);
+                *added += *passing * place.given * step;
+                *passing *= exponential(place.taken * -step);
+            }
+        }
+    }
+
+    /// The mean of a piece: of its ends and its middle, or of its halves where those differ.
+    #[expect(clippy::too_many_arguments, reason = "private; recursion over one place")]
+    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], media: &[&Media], rule: &Media, level: u32, group: u32) -> Place {
+        let middle = 0.5 * (t[0] + t[1]);
+        let place = self.place(line.at(middle), line.d, media, group);
+        let differ = |a: &Place| peak((a.varying - place.varying).abs()) > rule.aa_threshold;
+        if level >= rule.aa_level || !(differ(&ends[0]) || differ(&ends[1])) {
+            return Place::mean(ends[0], place, ends[1]);
+        }
+        let a = self.refine(line, [t[0], middle], [ends[0], place], media, rule, level + 1, group);
+        let b = self.refine(line, [middle, t[1]], [place, ends[1]], media, rule, level + 1, group);
+        Place::half(a, b)
+    }
+
+    fn place(&mut self, p: DVec3, d: DVec3, media: &[&Media], group: u32) -> Place {
+        let world = self.world;
+        let mut out = Place::default();
+        let mut light = None;
+        for m in media {
+            let density = world.density(m, p);
+            out.given += m.emission * density;
+            out.taken += m.absorption * density;
+            if m.emission != DVec3::ZERO {
+                out.varying += density;
+            }
+            let Some(scattering) = &m.scattering else { continue };
+            out.taken += scattering.color * scattering.extinction * density;
+            if density == DVec3::ZERO {
+                continue;
+            }
+            if light.is_none() {
+                light = Some(self.lamps_at(p, group));
+            }
+            let mut scattered = DVec3::ZERO;
+            for (towards, color) in light.iter().flatten() {
+                scattered += *color * phase(scattering, d.dot(*towards));
+            }
+            out.given += scattering.color * density * scattered;
+            out.varying += density * scattered;
+        }
+        out
+    }
+
+    /// Directions and colors of the lamps that light media at a point.
+    fn lamps_at(&mut self, p: DVec3, group: u32) -> Vec<(DVec3, DVec3)> {
+        let world = self.world;
+        let set = world.lamps_of_group.get(group as usize).or(world.lamps_of_group.first());
+        let mut lights = Vec::new();
+        for lamp in set.into_iter().flatten().filter_map(|&i| world.lamps.get(i as usize)) {
+            if lamp.light.media_interaction {
+                let color = self.lamp_color(lamp, p);
+                if color != DVec3::ZERO {
+                    lights.push((lamp.towards(p).0, color));
+                }
+            }
+        }
+        lights
+    }
+}
+
+impl ClassicWorld {
+    fn density(&self, media: &Media, p: DVec3) -> DVec3 {
+        let context = self.context(p);
+        media.densities.iter().fold(DVec3::ONE, |product, d| product * d.color(&context).rgb)
+    }
+
+    /// What media let through of a light's color between two places of a ray.
+    pub(super) fn media_passing(&self, media: &[Media], line: &Line, t: [f64; 2]) -> DVec3 {
+        let length = (t[1] - t[0]).clamp(0.0, atmosphere::FAR);
+        let mut depth = DVec3::ZERO;
+        for m in media {
+            let taken = m.absorption + m.scattering.map_or(DVec3::ZERO, |s| s.color * s.extinction);
+            if taken == DVec3::ZERO {
+                continue;
+            }
+            let n = if m.densities.is_empty() { 1 } else { (m.samples[0] / 2 + 1).clamp(2, 64) * m.intervals.clamp(1, 8) };
+            let step = length / f64::from(n);
+            let density = (0..n).fold(DVec3::ZERO, |sum, k| sum + self.density(m, line.at(t[0] + (f64::from(k) + 0.5) * step)));
+            depth += taken * density * step;
+        }
+        exponential(-depth)
+    }
+
+    /// Adds the places where a ray enters and leaves the cones of spot and cylinder lights.
+    fn cut_at_cones(&self, line: &Line, t: f64, cuts: &mut Vec<f64>) {
+        for lamp in self.lamps.iter().filter(|l| l.light.kind != LightKind::Point && l.light.media_interaction) {
+            for at in lamp.crossings(line) {
+                if at > 1e-6 && at < t {
+                    cuts.push(at);
+                }
+            }
+        }
+        cuts.sort_by(f64::total_cmp);
+        cuts.dedup();
+    }
+}
+
+fn exponential(v: DVec3) -> DVec3 {
+    DVec3::new(fns::exp(v.x), fns::exp(v.y), fns::exp(v.z))
+}
+
+/// How much light is scattered into the ray, 1 for isotropic media; `cos` is that between the ray and the direction to the light.
+///
+/// Henyey and Greenstein's function is theirs (1941), Rayleigh's 1 + cos² and the Mie approximations 1 + 9 ((1 + cos) / 2)⁸ and 1 + 50
+/// ((1 + cos) / 2)³² are Nishita's (1987); their factors and the 50 were measured.
+fn phase(s: &Scattering, cos: f64) -> f64 {
+    let lobe = |n: i32| (0.5 * (1.0 + cos)).clamp(0.0, 1.0).powi(n);
+    match s.phase {
+        2 => 0.576_65 * (1.0 + 9.0 * lobe(8)),
+        3 => 0.495_71 * (1.0 + 50.0 * lobe(32)),
+        4 => 0.799_37 * (1.0 + cos * cos),
+        5 => {
+            let e = s.eccentricity;
+            let d = 1.0 + e * e - 2.0 * e * cos;
+            (1.0 - e * e) / (d * d.max(0.0).sqrt()).max(1e-9)
+        }
+        _ => 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn phase_functions_as_measured() {
+        // POV-Ray 3.7.0.10; the angle is that of the light's direction to the camera's axis, 0 behind the camera.
+        let table: [(u8, [f64; 6]); 5] = [
+            (1, [1.0; 6]),
+            (2, [0.57664, 0.57664, 0.57671, 0.59693, 1.09621, 3.55695]),
+            (3, [0.49569, 0.49569, 0.49569, 0.49569, 0.49821, 3.19089]),
+            (4, [1.59876, 1.39887, 0.99924, 0.79934, 0.99924, 1.39887]),
+            (5, [0.22225, 0.24369, 0.32395, 0.53666, 1.15465, 3.15213]),
+        ];
+        for (kind, values) in table {
+            let s = Scattering { phase: kind, color: DVec3::ONE, eccentricity: 0.5, extinction: 1.0 };
+            for (k, value) in values.into_iter().enumerate() {
+                let cos = -fns::cos((30.0 * k as f64).to_radians());
+                assert!((phase(&s, cos) - value).abs() < 4e-4 * value.max(1.0), "{kind} {k}: {} is not {value}", phase(&s, cos));
+            }
+        }
+    }
+}
