@@ -433,7 +433,11 @@ impl Session {
             self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
             return (shared.weight, stream);
         }
-        let filtered = self.filter.sample(stream.next_2d());
+        let u = match &self.centers {
+            Some(centers) if self.sampler.kind == SamplerKind::Stratified => stream.next_grid_2d(centers.antialias().depth),
+            _ => stream.next_2d(),
+        };
+        let filtered = self.filter.sample(u);
         let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
         self.trace(picture, &mut stream, estimate);
         (filtered.weight, stream)
