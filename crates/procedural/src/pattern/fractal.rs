@@ -62,8 +62,20 @@ impl Fractal {
         let mut z = if starts_at_zero { DVec2::ZERO } else { point };
         let mut least = if starts_at_zero { f64::INFINITY } else { z.length_squared() };
         let limit = if power { 4.0 } else { 1e4 };
+        // Points inside of the set come into a cycle, mostly soon; where their last point does not matter, that settles it.
+        let may_stop = !(2..=6).contains(&self.interior.method);
+        if may_stop && self.set == FractalSet::Power(2) && self.julia.is_none() && self.interior.method != 1 && in_largest_parts(point) {
+            return self.interior.factor;
+        }
+        let (mut seen, mut next) = (z, 8);
         for n in 0..self.iterations {
             z = self.step(z, c);
+            if z == seen && may_stop {
+                break;
+            }
+            if n == next {
+                (seen, next) = (z, next.saturating_mul(2));
+            }
             let size = z.length_squared();
             least = least.min(size);
             // Written so that NaN leaves as well.
@@ -117,6 +129,13 @@ fn of_last(method: u8, z: DVec2) -> Option<f64> {
         6 => z.length(),
         _ => return None,
     })
+}
+
+/// Whether a point is in the Mandelbrot set's cardioid or in the disc beside it.
+fn in_largest_parts(c: DVec2) -> bool {
+    let (x, y2) = (c.x - 0.25, c.y * c.y);
+    let q = x * x + y2;
+    q * (q + x) < 0.249_999 * y2 || (c.x + 1.0) * (c.x + 1.0) + y2 < 0.062_499
 }
 
 fn multiply(a: DVec2, b: DVec2) -> DVec2 {

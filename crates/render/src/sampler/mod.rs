@@ -147,6 +147,24 @@ impl SampleStream {
         independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
+    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which either
+    /// all are taken or none, so that their order need not be shuffled.
+    #[inline]
+    pub fn next_grid_2d(&mut self, n: u32) -> Vec2 {
+        let n = n.max(1);
+        let cell = self.index % n.saturating_mul(n);
+        let inner = self.next_independent_2d();
+        let at = (Vec2::new((cell % n) as f32, (cell / n) as f32) + inner) / n as f32;
+        at.min(Vec2::splat(ONE_MINUS_EPSILON))
+    }
+
+    /// Passes over a pair, so that the numbers that follow are the same as after [`SampleStream::next_2d`]; returns zeros.
+    #[inline]
+    pub fn skip_2d(&mut self) -> Vec2 {
+        self.dimension += 2;
+        Vec2::ZERO
+    }
+
     /// The next pair, well distributed as a pair.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
