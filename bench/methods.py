@@ -7,8 +7,8 @@ the share of blocks beyond three standard errors (1% by chance with 8 seeds), th
 with code 1 where any block of any method differs by more than chance (1% for the whole picture, Šidák's correction for its blocks) and
 the allowance explain.
 
-Methods with a blur (`sppm`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
-`sppm` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
+Methods with a blur (`sppm`, `pathmap`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
+`sppm`, `pathmap` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
 
     python bench/methods.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seeds 8] [--effort 1] [--scene NAME] [--method NAME]
 
@@ -37,12 +37,14 @@ METHODS = {
     "vcm": (16, 1.0, 0.02),
     "mlt": (48, None, 0.01),
     "light": (48, None, 0.005),
+    "mnee": (64, None, 0.005),
+    "pathmap": (32, 1.0, 0.02),
     "sppm": (24, 1.0, 0.02),
     "photon": (24, 1.0, 0.05),
     "particles": (16, 1.0, 0.06),
     "radiosity": (16, None, 0.03),
 }
-BLURRED = {"vcm": 2.0, "sppm": 2.0, "particles": 1.0}
+BLURRED = {"vcm": 2.0, "sppm": 2.0, "pathmap": 2.0, "particles": 1.0}
 
 HEAD = """<scene version="3.0.0"><integrator type="path"/>
 <sensor type="perspective"><string name="fov_axis" value="y"/><float name="fov" value="{fov}"/>
@@ -59,6 +61,11 @@ HEAD = """<scene version="3.0.0"><integrator type="path"/>
 def wall(material: str, turn: str, at: str) -> str:
     """Return a wall of 2 × 2."""
     return f'<shape type="rectangle"><transform name="to_world">{turn}<translate value="{at}"/></transform><ref id="{material}"/></shape>\n'
+
+
+def block(material: str, turn: str, at: str) -> str:
+    """Return a block of 2 × 2 × 2."""
+    return wall(material, turn, at).replace('"rectangle"', '"cube"')
 
 
 def ball(at: str, radius: float, material: str, light: str = "", inside: str = "") -> str:
@@ -103,7 +110,17 @@ LIGHT_FROM_BOTH_ENDS = ["bdpt", "vcm", "mlt", "sppm", "photon", "particles"]
 DIFFUSE = [*LIGHT_FROM_BOTH_ENDS, "light", "radiosity"]
 SMALL = {
     "room": Scene(ROOM + LAMP + ball("-0.35, -0.6, 0", 0.4, "red") + END, DIFFUSE),
-    "glass": Scene(ROOM + LAMP + GLASS + MIRROR + END, LIGHT_FROM_BOTH_ENDS),
+    "glass": Scene(ROOM + LAMP + GLASS + MIRROR + END, [*LIGHT_FROM_BOTH_ENDS, "pathmap"]),
+    "sky": Scene(
+        HEAD.format(fov=39, eye="0, 0.6, 4.5", target="0, -0.4, 0")
+        + wall("white", '<scale value="3"/><rotate x="1" angle="-90"/>', "0, -1, 0")
+        + block("red", '<scale x="0.3" y="0.8" z="0.3"/><rotate y="1" angle="25"/>', "-0.7, -0.4, -0.3")
+        + block("white", '<scale x="0.35" y="0.35" z="0.35"/><rotate y="1" angle="-20"/>', "0.1, -0.65, 0.5")
+        + ball("0.9, -0.55, 0", 0.45, "red")
+        + '<emitter type="sky"><vector name="sun_direction" value="0.5, 0.4, 0.6"/><float name="sky_scale" value="5"/></emitter>'
+        + END,
+        DIFFUSE,
+    ),
     "fog": Scene(
         FOG + ROOM + LAMP + ball("0, -0.35, 0.1", 0.6, "none", inside='<ref name="interior" id="fog"/>') + END,
         LIGHT_FROM_BOTH_ENDS,
@@ -120,7 +137,7 @@ SMALL = {
 # Scenes of others: their methods and reference.
 SHARED = {
     "cornell": (DIFFUSE, "path"),
-    "caustic": (["path", "vcm", "mlt", "sppm", "photon", "particles"], "bdpt"),
+    "caustic": (["path", "vcm", "mlt", "mnee", "pathmap", "sppm", "photon", "particles"], "bdpt"),
     "many-lights": (DIFFUSE, "path"),
 }
 
@@ -202,6 +219,7 @@ def photons(method: str) -> list[str]:
     """Return the settings of a method's photons; so few that a disk of the given radius limits what an estimate of a map sees."""
     return {
         "sppm": ["--photons", "30000"],
+        "pathmap": ["--photons", "30000"],
         "photon": ["--photons", "300000"],
         "particles": ["--photons", "10000", "--photon-neighbors", "256"],
         "radiosity": ["--radiosity-gather", "1"],

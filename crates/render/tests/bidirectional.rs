@@ -356,3 +356,29 @@ fn scattering_media() {
     let error = session.render(&stop, &etendue_render::session::Cancel::default(), &etendue_render::session::Silent).unwrap_err();
     assert!(error.to_string().contains("emit"), "{error}");
 }
+
+/// Scenes of POV-Ray: light of a lamp goes through what casts no shadow, and falls on it; the sky's light, which rays meet as well,
+/// does not. Mirrors see what is there.
+#[test]
+fn what_casts_no_shadow() {
+    let text = "#version 3.7; global_settings { assumed_gamma 1 } camera { location <0, 2.2, -5> look_at <0, 0.4, 0> angle 45 }
+        light_source { <1, 3, -1> rgb 1.2 } background { rgb 0.25 }
+        plane { y, 0 pigment { rgb <0.7, 0.5, 0.4> } finish { diffuse 0.8 ambient 0 } }
+        box { <-0.9, 0.7, -0.7>, <0.7, 0.9, 0.8> pigment { rgb <0.3, 0.6, 0.5> } finish { diffuse 0.8 ambient 0 } no_shadow }
+        sphere { <-0.9, 0.5, 0.9>, 0.5 pigment { rgb 0 } finish { diffuse 0 ambient 0 reflection 0.9 } }
+        sphere { <1.2, 0.4, 0.2>, 0.4 pigment { rgb 0.6 } finish { diffuse 0.8 ambient 0 } }";
+    let read = |text: &str| etendue_scene::formats::pov::read_bytes(std::path::Path::new("t.pov"), text.as_bytes(), &Default::default());
+    let desc = read(text).unwrap();
+    let path = reference(&desc, &method("path", 256));
+    // The box shadows what is below it unless the file says otherwise.
+    let shadowed = reference(&read(&text.replace("no_shadow", "")).unwrap(), &method("path", 64));
+    let sum = |b: &Blocks| b.mean.iter().map(|m| m[1]).sum::<f64>();
+    assert!(sum(&shadowed) < 0.95 * sum(&path), "{} with a shadow, {} without", sum(&shadowed), sum(&path));
+    assert_same("bdpt no_shadow", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.1);
+    assert_same("mlt no_shadow", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.2);
+    let vcm = RenderSettings { photon_radius: Some(0.01), ..method("vcm", 12) };
+    assert_same("vcm no_shadow", &blocks(&desc, &vcm), &path, 5e-3, 0.15);
+    let dull = read(&text.replace("reflection 0.9", "")).unwrap();
+    let path = reference(&dull, &method("path", 256));
+    assert_same("light no_shadow", &blocks(&dull, &method("light", 64)), &path, ROUNDING, 0.15);
+}

@@ -7,7 +7,7 @@ use etendue_render::light::{
     SpotLight, SunLight,
 };
 use etendue_render::math::hash::{mix32, unit_float};
-use etendue_render::math::{INV_TAU, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
+use etendue_render::math::{INV_4PI, INV_TAU, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
 use etendue_render::shape::{Disk, Shape, Sphere};
 use etendue_render::spectrum::Spectrum;
 use etendue_scene::desc::SpotFalloff;
@@ -36,8 +36,8 @@ fn picture(width: usize, height: usize) -> Vec<[f32; 3]> {
     texels
 }
 
-fn environment(compensate: bool, rows: Rows) -> EnvironmentLight {
-    EnvironmentLight::new((24, 12), picture(24, 12), [1.0, 0.5, 2.0], turned(), compensate, rows).unwrap()
+fn environment(rows: Rows) -> EnvironmentLight {
+    EnvironmentLight::new((24, 12), picture(24, 12), [1.0, 0.5, 2.0], turned(), rows).unwrap()
 }
 
 fn area(geometry: AreaGeometry, two_sided: bool, flip_normals: bool) -> Light {
@@ -65,8 +65,8 @@ fn lights() -> Vec<(&'static str, Light)> {
         ("sun", Light::Sun(SunLight::new(Vec3::new(1.0, -2.0, 3.0), [1.0, 2.0, 0.5], 0.004_65).unwrap())),
         ("wide sun", Light::Sun(SunLight::new(Vec3::Y, [1.0, 2.0, 0.5], 1.2).unwrap())),
         ("constant", Light::Constant(ConstantLight { radiance: Spectrum::from_rgb([1.0, 2.0, 0.5]) })),
-        ("environment", Light::Environment(Box::new(environment(false, Rows::Centered)))),
-        ("environment with rows on the poles", Light::Environment(Box::new(environment(false, Rows::OnPoles)))),
+        ("environment", Light::Environment(Box::new(environment(Rows::Centered)))),
+        ("environment with rows on the poles", Light::Environment(Box::new(environment(Rows::OnPoles)))),
     ]
 }
 
@@ -136,9 +136,13 @@ fn densities_agree_with_samples() {
 }
 
 fn near_cell_border(light: &Light, wi: Vec3) -> bool {
+    matches!(light, Light::Environment(_)) && near_cell_border_of(wi)
+}
+
+fn near_cell_border_of(wi: Vec3) -> bool {
     let d = turned().inverse().transform_vector3(wi);
     let cell = Vec2::new(0.5 + fns::atan2(d.x, -d.z) * INV_TAU, fns::acos(d.y) / PI) * Vec2::new(48.0, 24.0);
-    matches!(light, Light::Environment(_)) && (cell - cell.round()).abs().min_element() < 1e-3
+    (cell - cell.round()).abs().min_element() < 1e-3
 }
 
 /// Irradiance by sampling the light is that by uniform directions, for all infinite lights.
@@ -181,14 +185,7 @@ fn infinite_lights_light_surfaces_as_quadrature_says() {
 #[test]
 fn environment_convention_and_mean() {
     let light = |m: Mat4| {
-        EnvironmentLight::new(
-            (8, 4),
-            (0..32).map(|i| [i as f32, (i % 8) as f32, (i / 8) as f32]).collect(),
-            [1.0; 3],
-            m,
-            false,
-            Rows::Centered,
-        )
+        EnvironmentLight::new((8, 4), (0..32).map(|i| [i as f32, (i % 8) as f32, (i / 8) as f32]).collect(), [1.0; 3], m, Rows::Centered)
     };
     let e = light(Mat4::IDENTITY).unwrap();
     // The seam of columns 3 and 4 is −z, that of 5 and 6 is +x, rows 1 and 2 meet at the horizon.
@@ -207,20 +204,31 @@ fn environment_convention_and_mean() {
     assert_close("mean", e.mean(), sum, 0.01);
 }
 
-/// With compensation the density still integrates to one and leaves out what is darker than the mean.
+/// With compensation the density still integrates to one and leaves out what is darker than the mean; with the weights of multiple
+/// importance sampling nothing is lost.
 #[test]
 fn compensated_environment() {
-    let (plain, compensated) = (environment(false, Rows::Centered), environment(true, Rows::Centered));
+    let environment = environment(Rows::Centered);
+    let ctx = LightContext { p: Vec3::ZERO, n: Vec3::ZERO };
     let n = 400_000;
     let (mut sum, mut left_out) = (0.0f64, 0);
+    let mut both = 0.0f64;
     for i in 0..n {
         let wi = warp::uniform_sphere(rnd2(i));
-        let pdf = compensated.pdf(wi);
+        let pdf = environment.pdf_compensated(wi);
         sum += f64::from(pdf) * 4.0 * std::f64::consts::PI / f64::from(n);
-        left_out += u32::from(pdf == 0.0 && plain.pdf(wi) > 0.0);
+        left_out += u32::from(pdf == 0.0 && environment.pdf(wi) > 0.0);
+        let here = f64::from(environment.radiance(wi).luminance() / INV_4PI);
+        both += here * f64::from(warp::power_heuristic(INV_4PI, pdf));
+        if let Some(s) = environment.sample_compensated(&ctx, rnd2(i + n)) {
+            assert!((environment.pdf_compensated(s.wi) / s.pdf - 1.0).abs() < 1e-3 || near_cell_border_of(s.wi));
+            both += f64::from(s.radiance.luminance() / s.pdf * warp::power_heuristic(s.pdf, INV_4PI));
+        }
     }
     assert!((sum - 1.0).abs() < 0.03, "{sum}");
     assert!(left_out > n / 2, "{left_out}");
+    let whole = f64::from(environment.mean().luminance() / INV_4PI);
+    assert!((both / f64::from(n) / whole - 1.0).abs() < 0.005, "{} {whole}", both / f64::from(n));
 }
 
 #[test]
@@ -266,23 +274,22 @@ fn sides_and_suns() {
 fn hostile_input_makes_no_light() {
     let singular = Mat4::from_scale(Vec3::new(1.0, 0.0, 1.0));
     for m in [singular, Mat4::ZERO, Mat4::from_scale(Vec3::NAN)] {
-        assert!(EnvironmentLight::new((2, 2), vec![[1.0; 3]; 4], [1.0; 3], m, false, Rows::Centered).is_none());
+        assert!(EnvironmentLight::new((2, 2), vec![[1.0; 3]; 4], [1.0; 3], m, Rows::Centered).is_none());
     }
     for size in [(0, 0), (0, 4), (3, 2), (usize::MAX, 2)] {
-        assert!(EnvironmentLight::new(size, vec![[1.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, false, Rows::Centered).is_none());
+        assert!(EnvironmentLight::new(size, vec![[1.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, Rows::Centered).is_none());
     }
     assert!(DirectionalLight::new(Vec3::ZERO, [1.0; 3]).is_none() && DirectionalLight::new(Vec3::NAN, [1.0; 3]).is_none());
     assert!(SunLight::new(Vec3::Z, [1.0; 3], 0.0).is_none() && SunLight::new(Vec3::Z, [f32::NAN; 3], 0.1).is_none());
     assert!(SpotLight::new(Mat4::ZERO, [1.0; 3], 0.1, 0.2, SpotFalloff::Linear).is_none());
     // Bad texels are black, one texel is a constant picture, and a black picture gives nothing.
     let bad =
-        EnvironmentLight::new((2, 1), vec![[f32::NAN, -1.0, f32::INFINITY], [1.0; 3]], [1.0; 3], Mat4::IDENTITY, false, Rows::Centered)
-            .unwrap();
+        EnvironmentLight::new((2, 1), vec![[f32::NAN, -1.0, f32::INFINITY], [1.0; 3]], [1.0; 3], Mat4::IDENTITY, Rows::Centered).unwrap();
     assert!((0..1000).all(|i| bad.radiance(warp::uniform_sphere(rnd2(i))).is_finite()));
-    let one = EnvironmentLight::new((1, 1), vec![[2.0; 3]], [1.0; 3], Mat4::IDENTITY, true, Rows::Centered).unwrap();
+    let one = EnvironmentLight::new((1, 1), vec![[2.0; 3]], [1.0; 3], Mat4::IDENTITY, Rows::Centered).unwrap();
     assert_close("one texel", one.mean(), Spectrum::splat(2.0), 1e-5);
     assert!((one.pdf(Vec3::X) - 1.0 / (TAU * PI)).abs() < 1e-5);
-    let black = EnvironmentLight::new((2, 2), vec![[0.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, true, Rows::Centered).unwrap();
+    let black = EnvironmentLight::new((2, 2), vec![[0.0; 3]; 4], [1.0; 3], Mat4::IDENTITY, Rows::Centered).unwrap();
     let ctx = LightContext { p: Vec3::ZERO, n: Vec3::ZERO };
     assert!(black.sample(&ctx, Vec2::splat(0.3)).is_none());
     // A light at the very point, and a triangle without area.

@@ -11,7 +11,7 @@ use etendue_render::film::Film;
 use etendue_render::lightmap::SurfaceLight;
 use etendue_render::math::{Mat4, Vec3};
 use etendue_render::photon::trace::{Keep, Tracer};
-use etendue_render::photon::{MapInfo, PhotonLight, PhotonMap, Route};
+use etendue_render::photon::{MapInfo, Photon, PhotonLight, PhotonMap, Route};
 use etendue_render::scene::Scene;
 use etendue_render::session::{Cancel, Silent, Stop};
 use etendue_scene::desc::*;
@@ -541,10 +541,17 @@ fn routes() {
     for route in [Route::Direct, Route::Caustic, Route::Indirect] {
         let all = count(Keep::ALL, route);
         assert!(all > 500, "{route:?}: {all}");
-        let only =
-            Keep { direct: route == Route::Direct, caustic: route == Route::Caustic, indirect: route == Route::Indirect, beams: false };
+        let [direct, caustic, indirect] = [Route::Direct, Route::Caustic, Route::Indirect].map(|r| r == route);
+        let only = Keep { direct, caustic, indirect, ..Keep::ALL };
         assert_eq!(count(only, route), all);
     }
+    // Those that are scattered by glass first: all caustics, and of the others as many as do not end before.
+    let tracer = |keep| Tracer::new(&scene, 0, u32::MAX, keep).trace(0, 0..20_000, 0);
+    let (all, focused) = (tracer(Keep::ALL).surface, tracer(Keep::FOCUSED).surface);
+    let of = |photons: &[Photon], route: Route| photons.iter().filter(|p| p.route() == route).count();
+    assert_eq!(of(&focused, Route::Caustic), of(&all, Route::Caustic));
+    assert_eq!(of(&focused, Route::Direct), 0);
+    assert!((100..of(&all, Route::Indirect) / 2).contains(&of(&focused, Route::Indirect)));
     // A path of length 1 is direct light.
     let tracer = Tracer::new(&scene, 0, 1, Keep::ALL);
     assert!(tracer.trace(0, 0..2000, 0).surface.iter().all(|p| p.depth() == 0 && p.route() == Route::Direct));

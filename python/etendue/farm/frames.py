@@ -137,7 +137,9 @@ class Frames:
         shortest, longest = self._config.unit_secs
         target = planning.unit_secs(max(rest, secs), slots, shortest, longest)
         target = spec.unit_secs or max(target, LOAD_FACTOR * (frame.load_secs or 0.0))
-        parts = planning.split_frame(crop, begin, end, secs, target, whole=frame.is_whole, all_samples=frame.is_adaptive)
+        # After the last frame nothing is left for a worker that has ended its part of it.
+        tail = slots if frame.number == spec.last_number() else 0
+        parts = planning.split_frame(crop, begin, end, secs, target, whole=frame.is_whole, all_samples=frame.is_adaptive, tail=tail)
         first = frame.number in spec.first_numbers()
         session.execute(
             insert(Unit),

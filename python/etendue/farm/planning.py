@@ -15,6 +15,10 @@ ROUND = 16
 """Samples after which a renderer that stops by noise looks at the error; rounds end at multiples of it."""
 MAX_UNITS = 1 << 16
 """Most units of a frame and round."""
+TAIL = 8
+"""Into how many each of the last units is cut, so that no worker waits long for another at a job's end."""
+MAX_TAIL = 64
+"""Most units that are cut so: short ones are work for the head."""
 
 Rect = tuple[int, int, int, int]
 
@@ -50,10 +54,13 @@ def unit_secs(job_secs: float, slots: int, shortest: float, longest: float) -> f
     return min(max(job_secs / (4 * max(slots, 1)), shortest), longest)
 
 
-def split_frame(crop: Rect, begin: int, end: int, secs: float, target_secs: float, *, whole: bool, all_samples: bool) -> list[Part]:
+def split_frame(
+    crop: Rect, begin: int, end: int, secs: float, target_secs: float, *, whole: bool, all_samples: bool, tail: int = 0
+) -> list[Part]:
     """Return the units of samples `begin..end` of a frame, in the order of their slots: those that are merged first are neighbors.
 
-    Tiles come first, as films of different pixels are small; ranges of samples only where one tile is still too long.
+    Tiles come first, as films of different pixels are small; ranges of samples only where one tile is still too long. Units take different
+    times, so some workers have nothing left while others do their last one: where a frame is a job's last, its last units are shorter.
 
     Args:
         crop: The pixels.
@@ -63,13 +70,30 @@ def split_frame(crop: Rect, begin: int, end: int, secs: float, target_secs: floa
         target_secs: How long a unit should take.
         whole: Parts must be the whole picture, as for methods whose samples give light to other pixels.
         all_samples: Parts must have all samples, as with adaptive antialiasing.
+        tail: How many of the last units are cut into `TAIL`: the number of workers where the frame is a job's last, otherwise 0.
     """
     wanted = min(max(math.ceil(secs / target_secs - 1e-9), 1), MAX_UNITS) if target_secs > 0 else 1
     rects = [crop] if whole else _tiles(crop, wanted)
     ranges = 1 if all_samples else min(math.ceil(wanted / len(rects)), end - begin)
     # Rounded up in both steps: fewer ranges if that is still as near.
-    edges = [begin + (end - begin) * i // ranges for i in range(ranges + 1)]
-    return [Part(rect, a, b) for rect in rects for a, b in pairwise(edges)]
+    edges = _edges(begin, end, ranges)
+    parts = [Part(rect, a, b) for rect in rects for a, b in pairwise(edges)]
+    first = max(len(parts) - min(tail, MAX_TAIL), 0)
+    return parts[:first] + [short for part in parts[first:] for short in _cut(part, TAIL, whole=whole, all_samples=all_samples)]
+
+
+def _cut(part: Part, pieces: int, *, whole: bool, all_samples: bool) -> list[Part]:
+    """Return a part cut into about so many, or into fewer where its samples and pixels are few."""
+    samples = part.end - part.begin
+    if all_samples or (samples < pieces and not whole):
+        rects = [part.rect] if whole else _tiles(part.rect, pieces)
+        return [Part(rect, part.begin, part.end) for rect in rects]
+    return [Part(part.rect, a, b) for a, b in pairwise(_edges(part.begin, part.end, min(pieces, samples)))]
+
+
+def _edges(begin: int, end: int, count: int) -> list[int]:
+    """Return the limits of so many ranges of about the same length."""
+    return [begin + (end - begin) * i // count for i in range(count + 1)]
 
 
 def _tiles(crop: Rect, wanted: int) -> list[Rect]:

@@ -253,6 +253,12 @@ class JobSpec(BaseModel):
             return tuple(range(1, len(self.runs) + 1))
         return parse_frames(self.frames) if self.frames is not None else (0,)
 
+    def last_number(self) -> int:
+        """Return the number of the frame whose units come last."""
+        numbers = self.numbers()
+        first = self.first_numbers()
+        return next((n for n in reversed(numbers) if n not in first), numbers[-1])
+
     def final(self) -> int:
         """Return the number of the animation's last frame; 0 for stills and studies."""
         return 0 if self.frames is None else self.last_frame or self.numbers()[-1]

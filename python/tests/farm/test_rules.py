@@ -20,7 +20,8 @@ def test_units_cover_every_sample_once() -> None:
         begin = rng.randrange(100)
         end = begin + rng.randrange(1, 40)
         whole, every = rng.random() < 0.2, rng.random() < 0.2
-        parts = planning.split_frame(crop, begin, end, rng.expovariate(0.01), rng.uniform(0.5, 60), whole=whole, all_samples=every)
+        secs, target, tail = rng.expovariate(0.01), rng.uniform(0.5, 60), rng.randrange(4)
+        parts = planning.split_frame(crop, begin, end, secs, target, whole=whole, all_samples=every, tail=tail)
         assert sum(part.work for part in parts) == planning.area(crop) * (end - begin)
         seen: Counter[tuple[int, int, int]] = Counter()
         for part in parts:
@@ -44,6 +45,24 @@ def test_units_have_the_length_that_was_asked_for() -> None:
     assert len(parts) == 20
     assert planning.unit_secs(1e6, 100, 10, 60) == 60
     assert planning.unit_secs(400, 10, 10, 60) == 10
+
+
+def test_no_worker_waits_long_at_the_end_of_a_job() -> None:
+    """Units take half to one and a half of what the probe has found; each worker takes the next one when it has nothing."""
+    rng = random.Random(3)
+    for workers in (2, 3, 16):
+        late = {0: 0.0, workers: 0.0}
+        for _ in range(100):
+            total = 10.0 * workers * rng.uniform(4, 8)
+            for tail in late:
+                parts = planning.split_frame((0, 0, 640, 480), 0, 256, total, 10.0, whole=False, all_samples=False, tail=tail)
+                free = [0.0] * workers
+                for part in parts:
+                    at = free.index(min(free))
+                    free[at] += total * part.work / (640 * 480 * 256) * rng.uniform(0.5, 1.5)
+                late[tail] += (max(free) - sum(free) / workers) / 100
+        assert late[workers] < 0.35 * late[0]
+        assert late[workers] < 2.0
 
 
 def test_the_tree_of_merges_takes_every_film_once() -> None:

@@ -120,7 +120,8 @@ impl EmissionSampler {
             pdf_position: sample.pdf_position,
             pdf_direction: sample.pdf_direction,
         };
-        if self.may_hide && scene.lights[light as usize].is_infinite() && scene.occluded(&Ray::new(sample.o, -sample.d)) {
+        let from = &scene.lights[light as usize];
+        if self.may_hide && from.is_infinite() && scene.stops_light(&Ray::new(sample.o, -sample.d), from.is_delta()) {
             return None;
         }
         // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.

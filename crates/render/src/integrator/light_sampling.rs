@@ -4,8 +4,8 @@
 use etendue_scene::desc::BsdfDesc;
 
 use crate::accel::Ray;
-use crate::light::{LightContext, LightSample};
-use crate::math::Vec3;
+use crate::light::{Light, LightContext, LightSample};
+use crate::math::{Vec2, Vec3};
 use crate::medium::MediumStack;
 use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
@@ -36,13 +36,31 @@ pub(super) fn context(s: &Surface) -> LightContext {
     LightContext { p: s.p, n: s.frame.n }
 }
 
-/// Chooses one light for a point and samples it; always draws three numbers. Inlined always, like the shadow rays below: with several
+/// Chooses one light for a point and samples it, by three numbers; the result is to be weighed against directions from the BSDF, always.
+/// Inlined always, like the shadow rays below: with several
 /// integrators as callers the compiler would not, and paths would pay for the calls.
 #[inline(always)]
 pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
-    let (u_light, u) = (stream.next_1d(), stream.next_2d());
+    choose_and_sample(scene, ctx, stream, Light::sample_compensated)
+}
+
+/// The same, for results that need not be weighed.
+#[inline]
+pub(super) fn sample_one_alone(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
+    choose_and_sample(scene, ctx, stream, Light::sample)
+}
+
+#[inline(always)]
+fn choose_and_sample(
+    scene: &Scene,
+    ctx: &LightContext,
+    stream: &mut SampleStream,
+    sample: impl Fn(&Light, &LightContext, Vec2) -> Option<LightSample>,
+) -> Option<Direct> {
+    let u_light = if scene.light_sampler.has_choice() { stream.next_1d() } else { stream.skip_1d() };
+    let u = stream.next_2d();
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
-    let sample = scene.lights[index as usize].sample(ctx, u)?;
+    let sample = sample(&scene.lights[index as usize], ctx, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
@@ -64,15 +82,15 @@ pub(super) fn visibility(
     if crosses && scene.has_media {
         let mut media = *media;
         media.cross(scene, from, ray.d);
-        return transmittance(scene, ray, &media, rng);
+        return transmittance(scene, ray, &media, sample.delta, rng);
     }
-    transmittance(scene, ray, media, rng)
+    transmittance(scene, ray, media, sample.delta, rng)
 }
 
 /// The same from a point within a medium.
 #[inline]
 pub(super) fn visibility_in_medium(scene: &Scene, p: Vec3, media: &MediumStack, sample: &LightSample, rng: &mut HashRng) -> Spectrum {
-    transmittance(scene, shadow_ray(p, sample), media, rng)
+    transmittance(scene, shadow_ray(p, sample), media, sample.delta, rng)
 }
 
 /// From a point to just before a light sample.
@@ -83,12 +101,13 @@ fn shadow_ray(o: Vec3, sample: &LightSample) -> Ray {
 }
 
 /// The share of light that passes straight along a ray with a unit direction, through surfaces that let it and through what is between
-/// them; `media` are those at the ray's origin. An unbiased estimate where the ray crosses a grid medium.
+/// them; `media` are those at the ray's origin. `to_lamp`: the ray ends at a light without extent, for which solids may cast no shadow. An
+/// unbiased estimate where the ray crosses a grid medium.
 #[inline(always)]
-pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &mut HashRng) -> Spectrum {
+pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, to_lamp: bool, rng: &mut HashRng) -> Spectrum {
     if scene.has_null {
-        transmittance_through_surfaces(scene, ray, *media, rng)
-    } else if scene.occluded(&ray) {
+        transmittance_through_surfaces(scene, ray, *media, to_lamp, rng)
+    } else if scene.stops_light(&ray, to_lamp) {
         Spectrum::ZERO
     } else if let Some(medium) = scene.medium(media) {
         medium.transmittance(&ray, ray.t_max, rng)
@@ -97,10 +116,10 @@ pub(super) fn transmittance(scene: &Scene, ray: Ray, media: &MediumStack, rng: &
     }
 }
 
-fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: MediumStack, rng: &mut HashRng) -> Spectrum {
+fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: MediumStack, to_lamp: bool, rng: &mut HashRng) -> Spectrum {
     let mut through = Spectrum::ONE;
     for _ in 0..MAX_CROSSINGS {
-        let hit = scene.intersect_shadow(&ray);
+        let hit = if to_lamp { scene.intersect_shadow(&ray) } else { scene.intersect(&ray) };
         if hit.as_ref().is_some_and(|s| !scene.materials[s.material as usize].has_null) {
             return Spectrum::ZERO;
         }
@@ -122,14 +141,14 @@ fn transmittance_through_surfaces(scene: &Scene, mut ray: Ray, mut media: Medium
 
 /// The rest of a shadow ray beyond a surface. It aims at the same end again: the step off the surface is across the ray, and larger than
 /// the gap that is left before a near light.
-fn beyond(ray: &Ray, s: &Surface) -> Ray {
+pub(super) fn beyond(ray: &Ray, s: &Surface) -> Ray {
     let o = s.offset_origin(ray.d);
     if ray.t_max.is_finite() { towards(o, ray.at(ray.t_max / SHADOW_END)) } else { Ray { o, t_min: 0.0, ..*ray } }
 }
 
 /// A ray that ends just before a point.
 #[inline]
-fn towards(o: Vec3, end: Vec3) -> Ray {
+pub(super) fn towards(o: Vec3, end: Vec3) -> Ray {
     let to = end - o;
     let dist = to.length();
     Ray { o, d: to / dist, t_min: 0.0, t_max: dist * SHADOW_END }
@@ -191,6 +210,13 @@ pub(crate) fn pdf_surface(scene: &Scene, ctx: &LightContext, light: u32, s: &Sur
 /// The same for a light that surrounds the scene.
 #[inline]
 pub(crate) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
+    let pmf = scene.light_sampler.pmf(ctx, light);
+    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped_compensated(ctx, wi) } else { 0.0 }
+}
+
+/// [`pdf_infinite`] for [`sample_one_alone`].
+#[inline]
+pub(super) fn pdf_infinite_alone(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
     if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
 }

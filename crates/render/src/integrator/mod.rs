@@ -10,15 +10,20 @@ mod ao;
 mod auto;
 mod bdpt;
 pub mod bidirectional;
+mod caustic_map;
+mod caustics;
 pub mod emission;
 mod illuminance;
 pub mod irradiance;
 mod light;
 pub(crate) mod light_sampling;
+mod manifold;
 mod mlt;
+mod mnee;
 mod normals;
 mod particles;
 mod path;
+mod pathmap;
 mod photon;
 mod photon_beams;
 mod photon_settings;
@@ -36,9 +41,11 @@ pub use bdpt::Bdpt;
 pub use illuminance::Illuminance;
 pub use light::LightTracer;
 pub use mlt::Mlt;
+pub use mnee::Mnee;
 pub use normals::Normals;
 pub use particles::Particles;
 pub use path::Path;
+pub use pathmap::PathMap;
 pub use photon::PhotonMapping;
 pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
 pub use radiosity::Radiosity;
@@ -239,6 +246,8 @@ pub const NAMES: &[&str] = &[
     "bdpt",
     "vcm",
     "mlt",
+    "mnee",
+    "pathmap",
     "light",
     "sppm",
     "photon",
@@ -272,15 +281,15 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
+    let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
     Ok(match name {
-        "auto" => {
-            let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
-            Box::new(Auto::new(path, photons()?))
-        }
-        "path" => Box::new(Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true }),
+        "auto" => Box::new(Auto::new(path, photons()?)),
+        "path" => Box::new(path),
         "light" => Box::new(LightTracer::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "bdpt" => Box::new(Bdpt::new(max_depth.unwrap_or(u32::MAX), rr_depth)),
         "vcm" => Box::new(Vcm::new(max_depth.unwrap_or(u32::MAX), rr_depth, settings.photon_radius)),
+        "mnee" => Box::new(Mnee::new(path)),
+        "pathmap" => Box::new(PathMap::new(path, photons()?)),
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
         "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
         "particles" => Box::new(Particles::new(photons()?)),

@@ -9,6 +9,9 @@
 //!
 //! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
+use arrayvec::ArrayVec;
+
+use super::caustics::{Caustics, Place, Start};
 use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Vertex};
@@ -26,6 +29,10 @@ use crate::spectrum::Spectrum;
 
 /// A path that only ever crosses surfaces straight on ends after so many of them.
 const MAX_CROSSINGS: u32 = 1024;
+
+/// Numbers that a vertex draws for its direct light, and those for its scattering and roulette: none is made that is not used.
+const DIRECT_NUMBERS: u32 = 3;
+const SCATTER_NUMBERS: u32 = 4;
 
 /// The path tracer.
 #[derive(Clone, Copy, Debug)]
@@ -64,17 +71,37 @@ impl Cone {
 
 impl Integrator for Path {
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
-        if scene.has_media {
-            self.trace::<true>(scene, camera_ray, stream, out);
-        } else {
-            self.trace::<false>(scene, camera_ray, stream, out);
-        }
+        self.estimate_with(&(), scene, camera_ray, stream, out);
     }
 }
 
 impl Path {
-    /// Follows one path. `MEDIA`: whether there are any; compiled apart, so that scenes without pay nothing for them.
-    fn trace<const MEDIA: bool>(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
+    /// An estimate that leaves caustics to another method.
+    pub(super) fn estimate_with<C: Caustics>(
+        &self,
+        caustics: &C,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+    ) {
+        if scene.has_media {
+            self.trace::<true, C>(scene, camera_ray, caustics, stream, out);
+        } else {
+            self.trace::<false, C>(scene, camera_ray, caustics, stream, out);
+        }
+    }
+
+    /// Follows one path. `MEDIA`: whether there are any. Compiled apart, as for each kind of `caustics`, so that scenes without pay
+    /// nothing for them.
+    fn trace<const MEDIA: bool, C: Caustics>(
+        &self,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        caustics: &C,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+    ) {
         let mut ray = camera_ray.ray;
         let mut throughput = Spectrum::splat(camera_ray.weight);
         let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
@@ -83,8 +110,10 @@ impl Path {
         let mut eta_scale = 1.0f32;
         let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
         let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
+        let mut trail = caustics.start(stream);
         let mut camera_distance = 0.0;
         let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
+        let mut scatter = Scatter { parts: ArrayVec::new_const() };
         loop {
             let found = scene.intersect(&ray);
             if MEDIA && let Some(medium) = scene.medium(&media) {
@@ -97,19 +126,25 @@ impl Path {
                     let equiangular = self.equiangular;
                     let scattered =
                         volume::advance(scene, medium, &media, &ray, t_max, &mut throughput, equiangular, stream, &mut rng, out);
-                    if let Some(Scattered { t, wi, vertex }) = scattered {
+                    if let Some(Scattered { t, wi, weight, vertex }) = scattered {
                         if depth == 0 {
                             out.alpha = 1.0;
                             if let Some(s) = &found {
                                 behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
                             }
                         }
+                        if C::ON {
+                            let start = Start { place: Place::Medium(ray.at(t), medium.phase()), wo: -ray.d, media: &media };
+                            caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
+                            caustics.scattered_in_medium(&mut trail, ray.at(t));
+                        }
+                        throughput *= weight;
                         ray = Ray::new(ray.at(t), wi);
                         cone.advance(t, 1.0);
                         cone.scatter(vertex.pdf);
                         last = vertex;
                         depth += 1;
-                        if !self.survives(depth, &mut throughput, eta_scale, stream.next_1d()) {
+                        if !self.survives(depth, &mut throughput, eta_scale, &mut stream.part(1)) {
                             return;
                         }
                         continue;
@@ -120,15 +155,17 @@ impl Path {
                 }
             }
             let Some(mut s) = found else {
-                add_infinite(scene, ray.d, throughput, &last, depth, out);
+                add_infinite(scene, ray.d, throughput, &last, depth, |light| caustics.found(scene, &trail, light), out);
                 return;
             };
             let wo = -ray.d;
             if scene.mipmap {
                 s.footprint = cone.advance(s.t, s.ng.dot(wo));
             }
-            add_emission(scene, &s, wo, throughput, &last, depth, out);
-            let scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
+            if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &trail, light))) {
+                add_emission(scene, &s, wo, throughput, &last, depth, out);
+            }
+            scene.materials[s.material as usize].shade_into(scene, &s, wo, &mut scatter);
             if depth == 0 {
                 camera_distance += s.t;
                 first_hit(scene, &s, wo, &scatter, camera_distance, out);
@@ -139,8 +176,12 @@ impl Path {
                 return;
             }
             let ctx = context(&s);
-            let direct = sample_one(scene, &ctx, stream);
-            if let Some(direct) = direct.filter(|_| !last_edge && scatter.is_smooth_anywhere()) {
+            let mut numbers = stream.part(DIRECT_NUMBERS);
+            if !last_edge
+                && scatter.is_smooth_anywhere()
+                && let Some(direct) = sample_one(scene, &ctx, &mut numbers)
+                && !(C::ON && caustics.finds_direct(&trail, &scatter, direct.light))
+            {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
@@ -151,18 +192,26 @@ impl Path {
                     }
                 }
             }
-            let (u_lobe, u) = (stream.next_1d(), stream.next_2d());
-            let u_roulette = stream.next_1d();
+            if C::ON && !last_edge && scatter.is_smooth_anywhere() {
+                let start = Start { place: Place::Surface(&s, &scatter), wo, media: &media };
+                caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
+            }
+            let mut numbers = stream.part(SCATTER_NUMBERS);
+            let u_lobe = if scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
+            let u = numbers.next_2d();
             let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
             throughput *= sample.value / sample.pdf;
             if throughput.is_black() {
                 return;
             }
+            let o = s.offset_origin(sample.wi);
+            ray = Ray::new(o, sample.wi);
+            if C::ON && !sample.lobe.contains(Lobe::NULL) {
+                caustics.scattered(&mut trail, &s, &scatter, &sample);
+            }
             if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
                 media.cross(scene, &s, sample.wi);
             }
-            let o = s.offset_origin(sample.wi);
-            ray = Ray::new(o, sample.wi);
             if sample.lobe.contains(Lobe::NULL) {
                 crossings += 1;
                 if crossings > MAX_CROSSINGS {
@@ -178,18 +227,19 @@ impl Path {
             let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
             cone.scatter(pdf);
             last = Vertex { ctx, pdf, on_segment: None };
-            if !self.survives(depth, &mut throughput, eta_scale, u_roulette) {
+            if !self.survives(depth, &mut throughput, eta_scale, &mut numbers) {
                 return;
             }
         }
     }
 
-    /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not.
+    /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not. Paths that still carry half of
+    /// what they began with are spared: on the scenes of `bench/efficiency.py` the noise of ending them costs more than following them.
     #[inline]
-    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, u: f32) -> bool {
+    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, numbers: &mut SampleStream) -> bool {
         if depth >= self.rr_depth {
-            let survive = (throughput.max_component() * eta_scale).min(0.95);
-            if u >= survive {
+            let survive = (2.0 * throughput.max_component() * eta_scale).min(0.99);
+            if numbers.next_1d() >= survive {
                 return false;
             }
             *throughput /= survive;
@@ -233,15 +283,15 @@ fn add_emission(scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, last
     out.add(throughput * radiance * weight, emission.group);
 }
 
-/// Light from beyond the scene.
+/// Light from beyond the scene, but for lights that are `found` in another way.
 #[inline]
-fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, out: &mut Estimate) {
+fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, depth: u32, found: impl Fn(u32) -> bool, out: &mut Estimate) {
     if depth == 0 && scene.hide_lights {
         return;
     }
     for &light in &scene.infinite_lights {
         let radiance = scene.lights[light as usize].escaped(d);
-        if !radiance.is_black() {
+        if !radiance.is_black() && !found(light) {
             let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
         }

@@ -163,15 +163,20 @@ pub fn volume_radius(scene: &Scene, tree: &PhotonTree, seed: u64) -> f32 {
     if tree.is_empty() {
         return reach;
     }
+    median_distance(tree, VOLUME_NEIGHBORS, reach, seed).max(1e-6 * scene.sphere().radius)
+}
+
+/// The distance, up to `reach`, within which a typical photon of a tree has so many others. The tree must not be empty.
+pub fn median_distance(tree: &PhotonTree, neighbors: usize, reach: f32, seed: u64) -> f32 {
     let sampler = Sampler { kind: SamplerKind::Independent, seed: hash_words([seed, u64::from_le_bytes(*b"probes\0\0")]), spp: 0 };
     let mut found = Neighbors::new();
     let mut distances: Vec<f32> = (0..PROBES as u32)
         .map(|i| {
             let u: Vec2 = sampler.stream(0, 0, i).next_2d();
             let photon = tree.photon((u.x * tree.len() as f32) as u32 % tree.len() as u32);
-            tree.nearest(photon.position(), VOLUME_NEIGHBORS, reach, |_| true, &mut found).sqrt()
+            tree.nearest(photon.position(), neighbors, reach, |_| true, &mut found).sqrt()
         })
         .collect();
     distances.sort_by(f32::total_cmp);
-    distances[distances.len() / 2].max(1e-6 * scene.sphere().radius)
+    distances[distances.len() / 2]
 }

@@ -6,7 +6,7 @@
 //! is counted twice and nothing is left out, whatever the material is made of.
 
 use super::Estimate;
-use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::light_sampling::{context, pdf_infinite_alone, pdf_surface, sample_one_alone, visibility};
 use super::path::first_hit;
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode};
@@ -165,7 +165,7 @@ impl Walk {
 /// Direct light by a ray to one light, from all directions; those that the BSDF's sampling finds with a higher density than `max_pdf` are
 /// shared with the path that goes on there.
 pub(super) fn direct(scene: &Scene, at: &At, max_pdf: f32, stream: &mut SampleStream, rng: &mut HashRng, out: &mut Estimate) {
-    let Some(direct) = sample_one(scene, &context(at.s), stream) else { return };
+    let Some(direct) = sample_one_alone(scene, &context(at.s), stream) else { return };
     let (f, pdf) = at.scatter.eval_pdf(at.wo, direct.sample.wi, TransportMode::Radiance);
     if f.is_black() {
         return;
@@ -203,7 +203,7 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
     for &light in &scene.infinite_lights {
         let radiance = scene.lights[light as usize].escaped(d);
         if !radiance.is_black() {
-            let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
+            let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite_alone(scene, &last.ctx, light, d)) } else { 1.0 };
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
         }
     }

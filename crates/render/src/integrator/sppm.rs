@@ -23,11 +23,11 @@ use crate::scene::Scene;
 /// How slowly radii shrink: noise of the mean falls as 1/i^α, bias as 1/i^(1−α).
 const ALPHA: f64 = 2.0 / 3.0;
 /// The pass whose photons set the first radii; no session comes to it.
-const PILOT: u32 = u32::MAX;
+pub(super) const PILOT: u32 = u32::MAX;
 /// Neighbors within the first radius where nobody says.
-const NEIGHBORS: u32 = 16;
+pub(super) const NEIGHBORS: u32 = 16;
 /// Photons of a pass where nobody says: as many as pixels, in these bounds.
-const PHOTONS: [u32; 2] = [1 << 15, 1 << 20];
+pub(super) const PHOTONS: [u32; 2] = [1 << 15, 1 << 20];
 
 /// Photons of one pass.
 #[derive(Default)]
@@ -77,25 +77,30 @@ impl Sppm {
             }
         });
         let (scale, level) = (map.scale(), map.level());
-        let (mut indirect, volume) = map.into_photons();
-        // In place, as there may be no room for all of them twice; trees do not depend on the order.
-        let mut others = 0;
-        for i in 0..indirect.len() {
-            if indirect[i].route() != Route::Caustic {
-                indirect.swap(i, others);
-                others += 1;
-            }
-        }
-        let caustic = indirect.split_off(others);
-        indirect.shrink_to_fit();
-        let (indirect, (caustic, volume)) =
-            rayon::join(|| PhotonTree::new(indirect), || rayon::join(|| PhotonTree::new(caustic), || PhotonTree::new(volume)));
+        let (surface, volume) = map.into_photons();
+        let ([caustic, indirect], volume) = rayon::join(|| trees(surface), || PhotonTree::new(volume));
         Pass { caustic, indirect, volume, beams: PhotonBeams::default(), scale, level }
     }
 }
 
+/// Caustics and all other photons, each by place.
+pub(super) fn trees(mut indirect: Vec<Photon>) -> [PhotonTree; 2] {
+    // In place, as there may be no room for all of them twice; trees do not depend on the order.
+    let mut others = 0;
+    for i in 0..indirect.len() {
+        if indirect[i].route() != Route::Caustic {
+            indirect.swap(i, others);
+            others += 1;
+        }
+    }
+    let caustic = indirect.split_off(others);
+    indirect.shrink_to_fit();
+    let (caustic, indirect) = rayon::join(|| PhotonTree::new(caustic), || PhotonTree::new(indirect));
+    [caustic, indirect]
+}
+
 /// The radius of a pass (from 0) over the first one.
-fn shrink(pass: u32) -> f64 {
+pub(super) fn shrink(pass: u32) -> f64 {
     (1..=u64::from(pass)).map(|i| (i as f64 + ALPHA) / (i as f64 + 1.0)).product::<f64>().sqrt()
 }
 

@@ -83,6 +83,8 @@ impl Segment {
 pub(super) struct Scattered {
     pub t: f32,
     pub wi: Vec3,
+    /// What the throughput has to be multiplied with for `wi`.
+    pub weight: f32,
     pub vertex: Vertex,
 }
 
@@ -128,8 +130,7 @@ pub(super) fn advance(
         out.add(*throughput * radiance * visible * (phase.eval(wo, sample.wi) * weight / pdf), group);
     }
     let sample = phase.sample(wo, stream.next_2d());
-    *throughput *= sample.weight;
-    Some(Scattered { t, wi: sample.wi, vertex: Vertex { ctx, pdf: sample.pdf, on_segment } })
+    Some(Scattered { t, wi: sample.wi, weight: sample.weight, vertex: Vertex { ctx, pdf: sample.pdf, on_segment } })
 }
 
 /// Technique B: one light, one distance.

@@ -69,6 +69,8 @@ pub struct EnvironmentLight {
     world_from_light: Mat3,
     light_from_world: Mat3,
     density: PiecewiseConstant2D,
+    /// For estimates that weigh it against other sampling: of what is brighter than the mean; `None` where nothing is.
+    compensated: Option<PiecewiseConstant2D>,
     /// Mean over all directions.
     mean: Spectrum,
 }
@@ -79,15 +81,12 @@ const MAX_TEXELS_IN_QUARTERS: usize = 1 << 21;
 impl EnvironmentLight {
     /// From `width` × `height` texels, row by row, of linear Rec. 709 radiance; negative and non-finite values count as 0.
     ///
-    /// With `compensate_mis` directions darker than the mean are left to other sampling (Karlík et al. 2019, "MIS
-    /// Compensation", doi:10.1145/3355089.3356565, section 5): better with multiple importance sampling and wrong without.
     /// `None` where sizes do not match, or the transform is singular or not finite.
     pub fn new(
         (width, height): (usize, usize),
         mut texels: Vec<[f32; 3]>,
         scale: [f32; 3],
         world_from_light: Mat4,
-        compensate_mis: bool,
         rows: Rows,
     ) -> Option<Self> {
         let world_from_light = orthonormal(Mat3::from_mat4(world_from_light))?;
@@ -111,18 +110,13 @@ impl EnvironmentLight {
         let weighted = |floor: f32| -> Vec<f32> {
             cells.chunks_exact(columns).zip(&sin_theta).flat_map(|(row, &s)| row.iter().map(move |&c| (c - floor).max(0.0) * s)).collect()
         };
-        let mut density = PiecewiseConstant2D::new(columns, cell_rows, &weighted(0.0));
-        if compensate_mis {
-            // ∫∫ w sin θ over the unit square, by the mean of sin θ.
-            let mean = (density.integral() * std::f64::consts::FRAC_PI_2) as f32;
-            let compensated = PiecewiseConstant2D::new(columns, cell_rows, &weighted(mean));
-            if compensated.integral() > 0.0 {
-                density = compensated;
-            }
-        }
+        let density = PiecewiseConstant2D::new(columns, cell_rows, &weighted(0.0));
+        // ∫∫ w sin θ over the unit square, by the mean of sin θ.
+        let mean = (density.integral() * std::f64::consts::FRAC_PI_2) as f32;
+        let compensated = Some(PiecewiseConstant2D::new(columns, cell_rows, &weighted(mean))).filter(|d| d.integral() > 0.0);
         let mean = Spectrum::from_rgb(mean_over_sphere(width, height, &texels, &sin_theta, rows)) * scale;
         let light_from_world = world_from_light.transpose();
-        Some(Self { width, height, texels: texels.into(), scale, rows, world_from_light, light_from_world, density, mean })
+        Some(Self { width, height, texels: texels.into(), scale, rows, world_from_light, light_from_world, density, compensated, mean })
     }
 
     /// Picture coordinates in [0, 1]² of a unit direction of the picture's space, and sin θ.
@@ -168,13 +162,24 @@ impl EnvironmentLight {
     /// The density of `sample` for a unit direction in the world.
     #[inline]
     pub fn pdf(&self, wi: Vec3) -> f32 {
-        let (uv, sin_theta) = Self::uv_from_direction(self.light_from_world * wi);
-        if sin_theta > 0.0 { self.density.pdf(uv) / (TAU * PI * sin_theta) } else { 0.0 }
+        self.pdf_by(&self.density, wi)
+    }
+
+    /// The density of `sample_compensated` for a unit direction in the world.
+    #[inline]
+    pub fn pdf_compensated(&self, wi: Vec3) -> f32 {
+        self.pdf_by(self.compensated.as_ref().unwrap_or(&self.density), wi)
     }
 
     #[inline]
-    fn sample_direction(&self, u: Vec2) -> Option<(Vec3, Spectrum, f32)> {
-        let (uv, pdf_uv, _) = self.density.sample(u);
+    fn pdf_by(&self, density: &PiecewiseConstant2D, wi: Vec3) -> f32 {
+        let (uv, sin_theta) = Self::uv_from_direction(self.light_from_world * wi);
+        if sin_theta > 0.0 { density.pdf(uv) / (TAU * PI * sin_theta) } else { 0.0 }
+    }
+
+    #[inline]
+    fn sample_direction(&self, density: &PiecewiseConstant2D, u: Vec2) -> Option<(Vec3, Spectrum, f32)> {
+        let (uv, pdf_uv, _) = density.sample(u);
         let (d, sin_theta) = Self::direction_from_uv(uv);
         let pdf = pdf_uv / (TAU * PI * sin_theta);
         let radiance = self.lookup(uv);
@@ -184,7 +189,15 @@ impl EnvironmentLight {
     /// See the contract in [`crate::light`].
     #[inline]
     pub fn sample(&self, ctx: &LightContext, u: Vec2) -> Option<LightSample> {
-        let (wi, radiance, pdf) = self.sample_direction(u)?;
+        let (wi, radiance, pdf) = self.sample_direction(&self.density, u)?;
+        Some(infinite_sample(ctx, wi, radiance, pdf))
+    }
+
+    /// See [`super::Light::sample_compensated`]: directions darker than the mean are left to other sampling (Karlík et al. 2019, "MIS
+    /// Compensation", doi:10.1145/3355089.3356565, section 5).
+    #[inline]
+    pub fn sample_compensated(&self, ctx: &LightContext, u: Vec2) -> Option<LightSample> {
+        let (wi, radiance, pdf) = self.sample_direction(self.compensated.as_ref().unwrap_or(&self.density), u)?;
         Some(infinite_sample(ctx, wi, radiance, pdf))
     }
 
@@ -193,9 +206,9 @@ impl EnvironmentLight {
         self.mean * (4.0 * PI * PI * scene.radius * scene.radius)
     }
 
-    /// See [`super::Light::emit`]. Not to be used with `compensate_mis`.
+    /// See [`super::Light::emit`].
     pub fn emit(&self, scene: &SceneSphere, u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
-        let (wi, radiance, pdf) = self.sample_direction(u_direction)?;
+        let (wi, radiance, pdf) = self.sample_direction(&self.density, u_direction)?;
         infinite_emission(scene, u_position, wi, radiance, pdf)
     }
 }

@@ -179,6 +179,25 @@ impl Light {
         }
     }
 
+    /// As `sample`, for estimates that also sample directions by the surface and weigh both by their densities (multiple importance
+    /// sampling): what the other sampling finds as well may be left to it, so that alone this is not enough.
+    #[inline]
+    pub fn sample_compensated(&self, ctx: &LightContext, u: Vec2) -> Option<LightSample> {
+        match self {
+            Self::Environment(l) => l.sample_compensated(ctx, u),
+            _ => self.sample(ctx, u),
+        }
+    }
+
+    /// As `pdf_escaped`, for `sample_compensated`.
+    #[inline]
+    pub fn pdf_escaped_compensated(&self, ctx: &LightContext, wi: Vec3) -> f32 {
+        match self {
+            Self::Environment(l) => l.pdf_compensated(wi),
+            _ => self.pdf_escaped(ctx, wi),
+        }
+    }
+
     /// Whether the light is infinitely far away.
     #[inline]
     pub fn is_infinite(&self) -> bool {

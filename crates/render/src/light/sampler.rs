@@ -67,6 +67,12 @@ impl LightSampler {
         Self { strategy }
     }
 
+    /// Whether there is more than one light to choose from.
+    #[inline]
+    pub fn has_choice(&self) -> bool {
+        !matches!(self.strategy, Strategy::Single(_))
+    }
+
     /// A light's index and its probability for `u` in [0, 1); `None` where no light can arrive (the estimate is then zero).
     #[inline]
     pub fn sample(&self, ctx: &LightContext, u: f32) -> Option<(u32, f32)> {

@@ -33,8 +33,7 @@ pub fn lights(desc: &SunSkyDesc) -> Option<Vec<Light>> {
         // The map's +y is the model's +z.
         let model_from_map = Mat4::from_cols(Vec4::X, Vec4::Z, -Vec4::Y, Vec4::W);
         let scale = [desc.sky_scale; 3];
-        let map =
-            EnvironmentLight::new(SKY_SIZE, sky.texels(SKY_SIZE), scale, desc.world_from_light * model_from_map, false, Rows::Centered)?;
+        let map = EnvironmentLight::new(SKY_SIZE, sky.texels(SKY_SIZE), scale, desc.world_from_light * model_from_map, Rows::Centered)?;
         lights.push(Light::Environment(Box::new(map)));
     }
     if desc.sun && desc.sun_scale > 0.0 && to_sun.z > 0.0 {

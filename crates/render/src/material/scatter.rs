@@ -2,7 +2,7 @@
 
 use arrayvec::ArrayVec;
 
-use crate::bsdf::{Bsdf, BsdfSample, Lobe, TransportMode};
+use crate::bsdf::{Bsdf, BsdfSample, Diffuse, Lobe, TransportMode};
 use crate::math::{Frame, ONE_MINUS_EPSILON, Vec2, Vec3};
 use crate::spectrum::Spectrum;
 
@@ -50,6 +50,10 @@ impl Scatter {
     /// f·|cos θi| and the density of `wi` per solid angle; delta lobes are left out of both.
     #[inline]
     pub fn eval_pdf(&self, wo: Vec3, wi: Vec3, mode: TransportMode) -> (Spectrum, f32) {
+        if let Some((part, diffuse)) = self.only_diffuse() {
+            let (o, i) = (part.frame.local_from_world(wo), part.frame.local_from_world(wi));
+            return (diffuse.eval(o, i, mode), diffuse.pdf(o, i));
+        }
         let (mut value, mut pdf) = (Spectrum::ZERO, 0.0);
         for part in &self.parts {
             let (o, i) = (part.frame.local_from_world(wo), part.frame.local_from_world(wi));
@@ -91,6 +95,10 @@ impl Scatter {
     /// Samples a direction; `wi` of the result is in world space.
     #[inline]
     pub fn sample(&self, wo: Vec3, u_lobe: f32, u: Vec2, mode: TransportMode) -> Option<BsdfSample> {
+        if let Some((part, diffuse)) = self.only_diffuse() {
+            let sample = diffuse.sample(part.frame.local_from_world(wo), u_lobe, u, mode)?;
+            return Some(BsdfSample { wi: part.frame.world_from_local(sample.wi), ..sample });
+        }
         let (mut sample, _) = self.sample_part(wo, u_lobe, u, mode)?;
         if self.parts.len() > 1 && !sample.lobe.contains(Lobe::DELTA) {
             (sample.value, sample.pdf) = self.eval_pdf(wo, sample.wi, mode);
@@ -121,10 +129,25 @@ impl Scatter {
         Some((sample, part))
     }
 
+    /// The one part, where it is Lambert's and its frame is not tilted: the usual case, which is compiled into the loops that ask.
+    #[inline(always)]
+    fn only_diffuse(&self) -> Option<(&Part, &Diffuse)> {
+        match &self.parts[..] {
+            [part @ Part { weight: 1.0, bsdf: Bsdf::Diffuse(diffuse), face_normal: None, .. }] => Some((part, diffuse)),
+            _ => None,
+        }
+    }
+
+    /// Whether the number that chooses a lobe changes what [`Scatter::sample`] returns.
+    #[inline]
+    pub fn needs_lobe(&self) -> bool {
+        self.only_diffuse().is_none()
+    }
+
     /// True where some lobe is not a Dirac delta, so that light sampling can work.
     #[inline]
     pub fn is_smooth_anywhere(&self) -> bool {
-        self.parts.iter().any(|p| p.bsdf.lobes().0 & (Lobe::DIFFUSE.0 | Lobe::GLOSSY.0) != 0)
+        self.only_diffuse().is_some() || self.parts.iter().any(|p| p.bsdf.lobes().0 & (Lobe::DIFFUSE.0 | Lobe::GLOSSY.0) != 0)
     }
 
     /// True where some model has a diffuse part. Others only guide light: mirrors, refractors and their frosted kinds.

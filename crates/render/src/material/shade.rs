@@ -30,18 +30,25 @@ struct Cursor {
 impl Material {
     /// The models at a surface point seen from `wo` (world space).
     pub fn shade(&self, scene: &Scene, s: &Surface, wo: Vec3) -> Scatter {
-        if let (Some(point), Some(solids)) = (&s.solid, &scene.solids) {
-            return solids.shade(point, wo);
-        }
         let mut scatter = Scatter::default();
+        self.shade_into(scene, s, wo, &mut scatter);
+        scatter
+    }
+
+    /// The same in place of what is in `out`: for loops, where moving the list of models takes as long as making it.
+    pub fn shade_into(&self, scene: &Scene, s: &Surface, wo: Vec3, out: &mut Scatter) {
+        out.parts.clear();
+        if let (Some(point), Some(solids)) = (&s.solid, &scene.solids) {
+            *out = solids.shade(point, wo);
+            return;
+        }
         let mut frame = s.frame;
         if s.ng.dot(wo) * frame.n.dot(wo) <= 0.0 {
             // Interpolated normals turn away from the viewer near silhouettes, where the surface does not.
             frame = Frame::from_normal_tangent(frames::keep_side(frame.n, s.ng, wo), frame.s);
         }
         let cursor = Cursor { weight: 1.0, frame, base_normal: None, stored_normal: None, depth: 0 };
-        self.descend(scene, s, wo, cursor, &mut scatter);
-        scatter
+        self.descend(scene, s, wo, cursor, out);
     }
 
     fn descend(&self, scene: &Scene, s: &Surface, wo: Vec3, at: Cursor, out: &mut Scatter) {
@@ -81,6 +88,10 @@ impl Material {
                 let base_normal = at.base_normal.or(Some(at.frame.n));
                 nested(*inner).descend(scene, s, wo, Cursor { frame, base_normal, stored_normal: Some(stored), ..deeper }, out);
             }
+            // The usual model goes straight to its place; others are moved there.
+            BsdfDesc::Diffuse { reflectance, alpha: None } => {
+                push(out, s, at, Bsdf::Diffuse(Diffuse { reflectance: scene.color(reflectance, s) }));
+            }
             _ => {
                 if let Some(bsdf) = self.bsdf(scene, s, wo, &at) {
                     push(out, s, at, bsdf);
@@ -89,11 +100,10 @@ impl Material {
         }
     }
 
-    /// The model of a material that nests no weighted ones; `None` for those that do.
+    /// The model of a material that nests no weighted ones; `None` for those that do, and for Lambert's.
     fn bsdf(&self, scene: &Scene, s: &Surface, wo: Vec3, at: &Cursor) -> Option<Bsdf> {
         let color = |c: &Color| scene.color(c, s);
         Some(match &self.desc {
-            BsdfDesc::Diffuse { reflectance, alpha: None } => Bsdf::Diffuse(Diffuse { reflectance: color(reflectance) }),
             BsdfDesc::DiffuseTransmission { reflectance, transmittance } => {
                 Bsdf::DiffuseTransmission(DiffuseTransmission { reflectance: color(reflectance), transmittance: color(transmittance) })
             }
@@ -181,7 +191,8 @@ impl Material {
             }
             BsdfDesc::Pbr(p) => super::pbr::shade(scene, s, wo, p, &at.frame, at.base_normal.zip(at.stored_normal)),
             BsdfDesc::Null => Bsdf::Null(Null),
-            BsdfDesc::Blend { .. }
+            BsdfDesc::Diffuse { alpha: None, .. }
+            | BsdfDesc::Blend { .. }
             | BsdfDesc::Mask { .. }
             | BsdfDesc::TwoSided { .. }
             | BsdfDesc::BumpMap { .. }
@@ -210,6 +221,7 @@ fn microfacet(scene: &Scene, s: &Surface, r: &Roughness) -> Microfacet {
     Microfacet::new(distribution(r.distribution), scene.scalar(&r.alpha_u, s), scene.scalar(&r.alpha_v, s))
 }
 
+#[inline(always)]
 fn push(out: &mut Scatter, s: &Surface, at: Cursor, bsdf: Bsdf) {
     if at.weight > 0.0 {
         // A full list drops the rest: `max_parts` of the compiler has said so.

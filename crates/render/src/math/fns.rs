@@ -22,6 +22,17 @@ pub fn sin_cos(x: f32) -> (f32, f32) {
     libm::sincosf(x)
 }
 
+/// Sine and cosine of an angle in [−π/4, π/4], within two units in the last place: polynomials without branches, several times faster
+/// than [`sin_cos`].
+#[inline]
+pub fn sin_cos_eighth(x: f32) -> (f32, f32) {
+    let x2 = x * x;
+    // Minimax on the interval.
+    let sin = x + x * x2 * (-0.166_666_55 + x2 * (8.332_161e-3 - 1.951_529_6e-4 * x2));
+    let cos = 1.0 - 0.5 * x2 + x2 * x2 * (0.041_666_646 + x2 * (-1.388_731_6e-3 + 2.443_315_7e-5 * x2));
+    (sin, cos)
+}
+
 /// Tangent of an angle in radians.
 #[inline]
 pub fn tan(x: f32) -> f32 {
@@ -116,4 +127,19 @@ pub fn safe_sqrt(x: f32) -> f32 {
 #[inline]
 pub fn lerp(t: f32, a: f32, b: f32) -> f32 {
     (1.0 - t) * a + t * b
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sine_and_cosine_of_an_eighth_agree_with_the_whole_circle() {
+        for i in -10_000..=10_000 {
+            let x = std::f32::consts::FRAC_PI_4 * (i as f32 / 10_000.0);
+            let (sin, cos) = sin_cos_eighth(x);
+            let (x, exact) = (f64::from(x), libm::sincos(f64::from(x)));
+            assert!((f64::from(sin) - exact.0).abs() <= 1.2e-7 * exact.0.abs() && (f64::from(cos) - exact.1).abs() <= 1.2e-7, "{x}");
+        }
+    }
 }

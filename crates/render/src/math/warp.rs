@@ -12,9 +12,11 @@ pub fn disk_concentric(u: Vec2) -> Vec2 {
     if o.x == 0.0 && o.y == 0.0 {
         return Vec2::ZERO;
     }
-    let (r, theta) = if o.x.abs() > o.y.abs() { (o.x, PI / 4.0 * (o.y / o.x)) } else { (o.y, PI / 2.0 - PI / 4.0 * (o.x / o.y)) };
-    let (sin, cos) = fns::sin_cos(theta);
-    r * Vec2::new(cos, sin)
+    let flat = o.x.abs() > o.y.abs();
+    let (r, other) = if flat { (o.x, o.y) } else { (o.y, o.x) };
+    // In the upper and lower quarters the angle is counted from the other axis.
+    let (sin, cos) = fns::sin_cos_eighth(PI / 4.0 * (other / r));
+    r * if flat { Vec2::new(cos, sin) } else { Vec2::new(sin, cos) }
 }
 
 /// A cosine-weighted direction about +z.

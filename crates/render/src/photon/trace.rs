@@ -37,13 +37,17 @@ pub struct Keep {
     pub indirect: bool,
     /// Ways through homogeneous media.
     pub beams: bool,
+    /// Only on surfaces, and only photons whose first scattering was by a mirror or refractor (or a glossy surface without a diffuse part).
+    pub focused_only: bool,
 }
 
 impl Keep {
     /// All photons.
-    pub const ALL: Self = Self { direct: true, caustic: true, indirect: true, beams: false };
+    pub const ALL: Self = Self { direct: true, caustic: true, indirect: true, beams: false, focused_only: false };
+    /// Caustics, and what becomes of them.
+    pub const FOCUSED: Self = Self { direct: false, caustic: true, indirect: true, beams: false, focused_only: true };
     /// Ways through homogeneous media alone.
-    pub const BEAMS: Self = Self { direct: false, caustic: false, indirect: false, beams: true };
+    pub const BEAMS: Self = Self { direct: false, caustic: false, indirect: false, beams: true, focused_only: false };
 
     fn takes(self, route: Route) -> bool {
         match route {
@@ -124,6 +128,7 @@ impl<'a> Tracer<'a> {
         let mut ray = emission.ray;
         let mut media: MediumStack = self.emission.media(emission.light);
         let (mut route, mut depth, mut crossings) = (Route::Direct, 0, 0);
+        let passes_solids = scene.solids.is_some() && scene.lights[emission.light as usize].is_delta();
         while depth < self.max_depth {
             let found = scene.intersect(&ray);
             let mut before = power;
@@ -140,8 +145,11 @@ impl<'a> Tracer<'a> {
                     power *= flight.weight;
                     if let Some(t) = flight.scattered_at {
                         let (p, wo) = (ray.at(t), -ray.d);
-                        if self.keep.indirect || (route == Route::Direct && self.keep.direct) {
+                        if !self.keep.focused_only && (self.keep.indirect || (route == Route::Direct && self.keep.direct)) {
                             push(&mut out.volume, Photon::new(p, wo, wo, power, group, depth, route));
+                        }
+                        if self.keep.focused_only && route == Route::Direct {
+                            return;
                         }
                         let sample = medium.phase().sample(wo, stream.next_2d());
                         power *= sample.weight;
@@ -157,7 +165,7 @@ impl<'a> Tracer<'a> {
                 }
             }
             let Some(s) = found else { return };
-            if scene.solids.is_some() && route == Route::Direct && scene.intersect_shadow(&ray).is_none_or(|behind| behind.t > s.t) {
+            if passes_solids && route == Route::Direct && scene.casts_no_shadow(&ray, &s) {
                 // What casts no shadow is lit, and so is what lies behind it: half of the photons stand for either.
                 power *= 2.0;
                 before *= 2.0;
@@ -193,6 +201,7 @@ impl<'a> Tracer<'a> {
             let specular = sample.lobe.contains(Lobe::DELTA) || !scatter.has_diffuse();
             route = match route {
                 Route::Direct | Route::Caustic if specular => Route::Caustic,
+                Route::Direct if self.keep.focused_only => return,
                 _ => Route::Indirect,
             };
             if !survives(before, &mut power, depth, u_roulette) {

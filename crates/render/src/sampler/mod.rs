@@ -57,7 +57,8 @@ impl Sampler {
     #[inline]
     pub fn stream(&self, x: u32, y: u32, index: u32) -> SampleStream {
         let pixel = hash_words([self.seed, u64::from(x) << 32 | u64::from(y)]);
-        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
+        let pixel = [pixel as u32, (pixel >> 32) as u32];
+        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel, index, reversed_index: index.reverse_bits(), dimension: 0 }
     }
 }
 
@@ -69,6 +70,7 @@ pub struct SampleStream {
     at: [u32; 2],
     pixel: [u32; 2],
     index: u32,
+    reversed_index: u32,
     dimension: u32,
 }
 
@@ -92,6 +94,22 @@ impl SampleStream {
         Self { dimension, ..*self }
     }
 
+    /// The next `numbers` as a stream of their own, and goes on behind them: what of them is not asked for is never made, and those that
+    /// follow stay the same.
+    #[inline]
+    pub fn part(&mut self, numbers: u32) -> Self {
+        let part = *self;
+        self.dimension += numbers;
+        part
+    }
+
+    /// Passes over a number that would not be used; returns 0.
+    #[inline]
+    pub fn skip_1d(&mut self) -> f32 {
+        self.dimension += 1;
+        0.0
+    }
+
     /// Two hash words for the current dimension; different for each pixel, dimension and seed, the same for each sample index.
     #[inline]
     fn dimension_hash(&self) -> [u32; 2] {
@@ -112,7 +130,7 @@ impl SampleStream {
     pub fn next_1d(&mut self) -> f32 {
         let [a, b] = self.dimension_hash();
         let v = match self.kind {
-            SamplerKind::Sobol => sobol::sample_1d(self.index, a, b),
+            SamplerKind::Sobol => sobol::sample_1d(self.reversed_index, a, b),
             SamplerKind::Independent => unit_float(mix32(a ^ mix32(b ^ self.index))),
             SamplerKind::Stratified => stratified::sample_1d(self.index, self.spp, a),
             SamplerKind::Halton => halton::sample(self.index, self.dimension, a),
@@ -152,7 +170,7 @@ impl SampleStream {
     pub fn next_2d(&mut self) -> Vec2 {
         let [a, b] = self.dimension_hash();
         let v = match self.kind {
-            SamplerKind::Sobol => sobol::sample_2d(self.index, a, b),
+            SamplerKind::Sobol => sobol::sample_2d(self.reversed_index, a, b),
             SamplerKind::Independent => independent_2d(a, b, self.index),
             SamplerKind::Stratified => stratified::sample_2d(self.index, self.spp, a),
             SamplerKind::Halton => {

@@ -1,6 +1,7 @@
 //! The compiled scene: flat arrays that no one changes after [`compile`].
 
 mod compile;
+mod curvature;
 pub mod geometry;
 mod losses;
 mod names;
@@ -131,33 +132,47 @@ impl Scene {
     /// The surface that a ray hits first.
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Surface> {
-        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
-        match &self.solids {
-            None => surface,
-            Some(solids) => {
-                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
-                solids.intersect(self, &Ray { t_max, ..*ray }).or(surface)
+        let hit = self.accel.intersect(ray);
+        if let Some(solids) = &self.solids {
+            let t_max = hit.as_ref().map_or(ray.t_max, |h| h.t);
+            if let Some(surface) = solids.intersect(self, &Ray { t_max, ..*ray }) {
+                return Some(surface);
             }
         }
+        // Made in place: a surface is large to copy.
+        hit.map(|hit| self.surface(ray, &hit))
     }
 
     /// The first surface in the way of light along a ray.
     #[inline]
     pub fn intersect_shadow(&self, ray: &Ray) -> Option<Surface> {
-        let surface = self.accel.intersect(ray).map(|hit| self.surface(ray, &hit));
-        match &self.solids {
-            None => surface,
-            Some(solids) => {
-                let t_max = surface.as_ref().map_or(ray.t_max, |s| s.t);
-                solids.intersect_shadow(self, &Ray { t_max, ..*ray }).or(surface)
+        let hit = self.accel.intersect(ray);
+        if let Some(solids) = &self.solids {
+            let t_max = hit.as_ref().map_or(ray.t_max, |h| h.t);
+            if let Some(surface) = solids.intersect_shadow(self, &Ray { t_max, ..*ray }) {
+                return Some(surface);
             }
         }
+        hit.map(|hit| self.surface(ray, &hit))
     }
 
     /// Whether anything at all is in a ray's way.
     #[inline]
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.accel.occluded(ray) || self.solids.as_ref().is_some_and(|s| s.intersect_shadow(self, ray).is_some())
+        self.stops_light(ray, false)
+    }
+
+    /// Whether anything is in the way of light along a ray; if `to_lamp`, that of a light without extent, for which solids may cast no
+    /// shadow. Other lights are met by rays as well, for which all solids are there.
+    #[inline]
+    pub fn stops_light(&self, ray: &Ray, to_lamp: bool) -> bool {
+        let solids = || self.solids.as_ref().and_then(|s| if to_lamp { s.intersect_shadow(self, ray) } else { s.intersect(self, ray) });
+        self.accel.occluded(ray) || solids().is_some()
+    }
+
+    /// Whether the surface that a ray of light from a lamp meets first is of a solid that casts no shadow.
+    pub fn casts_no_shadow(&self, ray: &Ray, s: &Surface) -> bool {
+        s.solid.is_some() && self.intersect_shadow(ray).is_none_or(|behind| behind.t > s.t)
     }
 
     /// Radiance of a light sample: textured emission is looked up where the sample is.

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::planar::{Facing, Planar};
-use super::{AreaSample, ShapeHit, SurfaceGeometry, area_to_solid_angle};
+use super::{AreaSample, ShapeHit, SurfaceGeometry, area_to_solid_angle, is_far};
 use crate::accel::Ray;
 use crate::math::{Aabb, Mat4, Vec2, Vec3};
 
@@ -11,8 +11,27 @@ use crate::math::{Aabb, Mat4, Vec2, Vec3};
 #[derive(Clone, Debug)]
 pub struct Rectangle {
     pub(super) planar: Planar,
-    /// Whether the sides are perpendicular, which the sampling by solid angle needs.
-    right_angled: bool,
+    /// Where the sides are perpendicular, which the sampling by solid angle needs.
+    right_angled: Option<RightAngled>,
+}
+
+/// The rectangle's own axes.
+#[derive(Clone, Debug)]
+struct RightAngled {
+    ex: DVec3,
+    ey: DVec3,
+    ez: DVec3,
+    half_x: f64,
+    half_y: f64,
+}
+
+impl RightAngled {
+    fn new(planar: &Planar) -> Option<Self> {
+        let (x, y) = (planar.x_axis.as_dvec3(), planar.y_axis.as_dvec3());
+        let (half_x, half_y) = (x.length(), y.length());
+        let (ex, ey) = (x / half_x, y / half_y);
+        (ex.dot(ey).abs() < 1e-5).then(|| Self { ex, ey, ez: ex.cross(ey), half_x, half_y })
+    }
 }
 
 /// Below this solid angle samples are taken by area: the density is then nearly constant and angles have few digits.
@@ -22,8 +41,8 @@ impl Rectangle {
     /// Places the rectangle; `None` where the transform leaves no surface.
     pub fn from_transform(world_from_object: Mat4, flip_normals: bool) -> Option<Self> {
         let planar = Planar::new(world_from_object, Facing::Cross, flip_normals)?;
-        let dot = planar.x_axis.normalize().as_dvec3().dot(planar.y_axis.normalize().as_dvec3());
-        Some(Self { planar, right_angled: dot.abs() < 1e-5 })
+        let right_angled = RightAngled::new(&planar);
+        Some(Self { planar, right_angled })
     }
 
     /// See [`super::Shape::bounds`].
@@ -62,7 +81,7 @@ impl Rectangle {
         Some(self.sample_at(u, 1.0 / self.area()))
     }
 
-    /// See [`super::Shape::sample_solid_angle`]: uniform in solid angle, by area for parallelograms and far away.
+    /// See [`super::Shape::sample_solid_angle`]: uniform in solid angle; by area for parallelograms and far away.
     #[inline]
     pub fn sample_solid_angle(&self, ref_p: Vec3, u: Vec2) -> Option<AreaSample> {
         match self.spherical(ref_p) {
@@ -82,15 +101,15 @@ impl Rectangle {
 
     /// The solid angle seen from a point; exact for right-angled rectangles, else `None`. Zero in the rectangle's plane.
     pub fn solid_angle(&self, ref_p: Vec3) -> Option<f32> {
-        self.right_angled.then(|| SphericalRectangle::new(&self.planar, ref_p).solid_angle as f32)
+        self.right_angled.as_ref().map(|r| SphericalRectangle::new(&self.planar, r, ref_p).solid_angle as f32)
     }
 
     #[inline]
     fn spherical(&self, ref_p: Vec3) -> Option<SphericalRectangle> {
-        if !self.right_angled {
+        if is_far(self.planar.origin, self.planar.x_axis.length_squared() + self.planar.y_axis.length_squared(), ref_p) {
             return None;
         }
-        let s = SphericalRectangle::new(&self.planar, ref_p);
+        let s = SphericalRectangle::new(&self.planar, self.right_angled.as_ref()?, ref_p);
         (s.solid_angle > MIN_SOLID_ANGLE).then_some(s)
     }
 }
@@ -105,19 +124,36 @@ struct SphericalRectangle {
     z0: f64,
     b0: f64,
     b1: f64,
-    k: f64,
+    /// Cosine and sine of the paper's k.
+    k: Turn,
     solid_angle: f64,
 }
 
+/// A rotation as (cosine, sine): a sum of angles is a product of these, and costs no arc cosine for each.
+#[derive(Clone, Copy)]
+struct Turn(f64, f64);
+
+impl Turn {
+    /// By an angle in [0, π], from its cosine.
+    #[inline]
+    fn from_cos(cos: f64) -> Self {
+        Self(cos, (1.0 - cos * cos).max(0.0).sqrt())
+    }
+
+    /// One after the other.
+    #[inline]
+    fn then(self, o: Self) -> Self {
+        Self(self.0 * o.0 - self.1 * o.1, self.0 * o.1 + self.1 * o.0)
+    }
+}
+
 impl SphericalRectangle {
-    fn new(planar: &Planar, ref_p: Vec3) -> Self {
-        let (x, y) = (planar.x_axis.as_dvec3(), planar.y_axis.as_dvec3());
-        let (half_x, half_y) = (x.length(), y.length());
+    #[inline]
+    fn new(planar: &Planar, axes: &RightAngled, ref_p: Vec3) -> Self {
         let d: DVec3 = planar.origin.as_dvec3() - ref_p.as_dvec3();
-        let (ex, ey) = (x / half_x, y / half_y);
-        let (cx, cy) = (d.dot(ex), d.dot(ey));
-        let (x0, x1, y0, y1) = (cx - half_x, cx + half_x, cy - half_y, cy + half_y);
-        let z0 = -d.dot(ex.cross(ey)).abs();
+        let (cx, cy) = (d.dot(axes.ex), d.dot(axes.ey));
+        let (x0, x1, y0, y1) = (cx - axes.half_x, cx + axes.half_x, cy - axes.half_y, cy + axes.half_y);
+        let z0 = -d.dot(axes.ez).abs();
         // z components of the normals of the four side planes; neighbors have no other component in common, so that
         // the products of these are the cosines between them.
         let nz = |c: f64| {
@@ -125,16 +161,22 @@ impl SphericalRectangle {
             if len > 0.0 { c / len } else { 0.0 }
         };
         let (n0, n1, n2, n3) = (-nz(y0), nz(x1), nz(y1), -nz(x0));
-        let angle = |cos: f64| libm::acos(cos.clamp(-1.0, 1.0));
-        let (g0, g1, g2, g3) = (angle(-n0 * n1), angle(-n1 * n2), angle(-n2 * n3), angle(-n3 * n0));
-        let k = std::f64::consts::TAU - g2 - g3;
-        Self { x0, x1, y0, y1, z0, b0: n0, b1: n2, k, solid_angle: if z0 < 0.0 { g0 + g1 - k } else { 0.0 } }
+        let (g0, g1) = (Turn::from_cos(-n0 * n1), Turn::from_cos(-n1 * n2));
+        let g23 = Turn::from_cos(-n2 * n3).then(Turn::from_cos(-n3 * n0));
+        // Ω = g0 + g1 + g2 + g3 − 2π, in [0, 2π).
+        let all = g0.then(g1).then(g23);
+        let angle = libm::atan2(all.1, all.0);
+        // Next to nothing may round to less than nothing.
+        let solid_angle =
+            if z0 == 0.0 || angle.abs() < 1e-12 { 0.0 } else { angle + if angle < 0.0 { std::f64::consts::TAU } else { 0.0 } };
+        // k = 2π − g2 − g3
+        Self { x0, x1, y0, y1, z0, b0: n0, b1: n2, k: Turn(g23.0, -g23.1), solid_angle }
     }
 
     /// The rectangle's parameters in [0, 1]² of a uniform direction.
     fn sample(&self, u: Vec2) -> Vec2 {
-        let au = f64::from(u.x) * self.solid_angle + self.k;
-        let (sin, cos) = (libm::sin(au), libm::cos(au));
+        let (sin, cos) = libm::sincos(f64::from(u.x) * self.solid_angle);
+        let Turn(cos, sin) = Turn(cos, sin).then(self.k);
         let fu = (cos * self.b0 - self.b1) / sin;
         let cu = (1.0 / (fu * fu + self.b0 * self.b0).sqrt()).copysign(fu).clamp(-1.0, 1.0);
         let xu = (-(cu * self.z0) / (1.0 - cu * cu).max(1e-30).sqrt()).clamp(self.x0, self.x1);

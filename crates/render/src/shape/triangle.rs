@@ -1,12 +1,12 @@
 //! Sampling of triangles, by area and by solid angle.
 //!
 //! The solid angle is sampled as a spherical triangle (Arvo 1995, "Stratified Sampling of Spherical Triangles",
-//! doi:10.1145/218380.218500), in `f64`. Very small and nearly complete solid angles are sampled by area, as pbrt-v4 does
-//! (section 6.5.4): there the angles of the spherical triangle have few digits.
+//! doi:10.1145/218380.218500), in `f64`. Triangles that are far away are sampled by area, and so are nearly complete solid angles,
+//! as in pbrt-v4 (section 6.5.4): there the angles of the spherical triangle have few digits.
 
 use glam::DVec3;
 
-use super::{AreaSample, area_to_solid_angle};
+use super::{AreaSample, area_to_solid_angle, is_far};
 use crate::math::{Vec2, Vec3, warp};
 
 const MIN_SOLID_ANGLE: f64 = 1e-6;
@@ -80,6 +80,11 @@ fn solid_angle_of([a, b, c]: &[DVec3; 3]) -> f64 {
 /// The directions and solid angle, if it can be sampled as a spherical triangle.
 #[inline]
 fn spherical(v: &[Vec3; 3], ref_p: Vec3) -> Option<([DVec3; 3], f64)> {
+    let center = (v[0] + v[1] + v[2]) * (1.0 / 3.0);
+    let radius2 = v.iter().fold(0.0f32, |r, &v| r.max((v - center).length_squared()));
+    if is_far(center, radius2, ref_p) {
+        return None;
+    }
     let d = directions(v, ref_p)?;
     let solid_angle = solid_angle_of(&d);
     (solid_angle > MIN_SOLID_ANGLE && solid_angle < MAX_SOLID_ANGLE).then_some((d, solid_angle))

@@ -36,6 +36,14 @@ pub(super) fn limits(method: &str) -> &'static str {
             "Follows up the paths that carry light. Good at light that is hard to find; noise comes in blotches, and an important region may \
              be found late."
         }
+        "mnee" => {
+            "Path tracing that solves for the ways through smooth glass and mirrors to small lights. Caustics without blur, of points and \
+             the sun too; costs more than path, no help with large lights and rough glass, noisy at the focus of a caustic."
+        }
+        "pathmap" => {
+            "Path tracing whose caustics, and what they light, come from photons, collected over radii that shrink with the passes. Finds \
+             caustics in mirrors and behind glass; these are blurred while the radii are large, all other light is unbiased."
+        }
         "sppm" => {
             "Photons, collected over radii that shrink with the passes. Very good at caustics, in mirrors too; blurred while the radii are \
              large, weak where few photons come."

@@ -185,7 +185,7 @@ impl Physical {
         };
         let texels: Vec<[f32; 3]> = (0..width * height).map(texel).collect();
         let is_black = texels.iter().flatten().all(|&v| !(v > 0.0));
-        if is_black { None } else { EnvironmentLight::new((width, height), texels, [1.0; 3], Mat4::IDENTITY, false, Rows::Centered) }
+        if is_black { None } else { EnvironmentLight::new((width, height), texels, [1.0; 3], Mat4::IDENTITY, Rows::Centered) }
     }
 
     /// The nearest surface along a ray.

@@ -101,9 +101,9 @@ enum FirstEdge {
     /// Density per area across the ray is that of the camera over the number of pixels.
     Camera { pixels: f32 },
     /// Light from a place of finite distance: density of the direction, and the cosine at the light (1 for points).
-    Light { pdf: f32, cos: f32 },
+    Light { pdf: f32, cos: f32, is_delta: bool },
     /// Parallel light: density across the ray.
-    Parallel { pdf: f32 },
+    Parallel { pdf: f32, is_delta: bool },
 }
 
 impl Vertex {
@@ -276,9 +276,10 @@ impl Bidirectional {
         let light = &scene.lights[emission.light as usize];
         let has_surface = matches!(light, Light::Area(_));
         let edge = if light.is_infinite() {
-            FirstEdge::Parallel { pdf: emission.pdf_position }
+            FirstEdge::Parallel { pdf: emission.pdf_position, is_delta: light.is_delta() }
         } else {
-            FirstEdge::Light { pdf: emission.pdf_direction, cos: if has_surface { emission.cos } else { 1.0 } }
+            let cos = if has_surface { emission.cos } else { 1.0 };
+            FirstEdge::Light { pdf: emission.pdf_direction, cos, is_delta: light.is_delta() }
         };
         let own = emission.pmf * if light.is_infinite() { emission.pdf_direction } else { emission.pdf_position };
         let media = sampler.media(emission.light);
@@ -317,6 +318,8 @@ impl Bidirectional {
         walk: &mut Walk,
     ) -> Option<Escape> {
         let is_camera = matches!(first, FirstEdge::Camera { .. });
+        let passes_solids =
+            scene.solids.is_some() && matches!(first, FirstEdge::Light { is_delta: true, .. } | FirstEdge::Parallel { is_delta: true, .. });
         let first_beta = beta.max_component();
         let (mut previous, mut depth, mut crossings) = (START, 0, 0);
         // The last edge's start and the density of its direction.
@@ -342,6 +345,23 @@ impl Bidirectional {
                 }
                 if beta.is_black() {
                     return None;
+                }
+            }
+            if passes_solids
+                && previous == START
+                && scattered.is_none()
+                && let Some(s) = found.as_ref().filter(|s| scene.casts_no_shadow(&ray, s))
+            {
+                // What casts no shadow is lit, and so is what lies behind it: half of the walks stand for either. The weights of all
+                // techniques leave this out alike.
+                beta *= 2.0;
+                if numbers.next_1d() < 0.5 {
+                    crossings += 1;
+                    if crossings > MAX_CROSSINGS || !beta.is_finite() {
+                        return None;
+                    }
+                    ray = Ray::new(s.offset_origin(ray.d), ray.d);
+                    continue;
                 }
             }
             let p = match (&scattered, &found) {
@@ -379,8 +399,8 @@ impl Bidirectional {
                     (pdf * cos / distance_2, at_start / distance_2)
                 }
                 FirstEdge::Camera { pixels } => (scene.camera.per_area(ray.d, (p - from).dot(ray.d)) / pixels * cos, 0.0),
-                FirstEdge::Light { pdf, cos: at_light } => (pdf * cos / distance_2, at_light / distance_2),
-                FirstEdge::Parallel { pdf } => (pdf * cos, 1.0),
+                FirstEdge::Light { pdf, cos: at_light, .. } => (pdf * cos / distance_2, at_light / distance_2),
+                FirstEdge::Parallel { pdf, .. } => (pdf * cos, 1.0),
             };
             (vertex.own, vertex.to_previous) = (own, to_previous);
             let (u_lobe, u, u_roulette) = (numbers.next_1d(), numbers.next_2d(), numbers.next_1d());

@@ -142,7 +142,7 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
                 (size, rgb) = equal_area::to_equirectangular(size.0, &rgb);
             }
             let rows = if *mapping == EnvironmentMapping::EquirectangularOnPoles { Rows::OnPoles } else { Rows::Centered };
-            let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, false, rows).ok_or_else(nothing)?;
+            let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, rows).ok_or_else(nothing)?;
             vec![Light::Environment(Box::new(light))]
         }
         LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky).ok_or_else(nothing)?,
