@@ -162,3 +162,40 @@ fn power(z: DVec2, exponent: u8) -> DVec2 {
     }
     result
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The value with all iterations done.
+    fn plainly(f: &Fractal, p: DVec2) -> f64 {
+        let is_power = matches!(f.set, FractalSet::Power(_));
+        let starts_at_zero = !is_power && f.julia.is_none();
+        let mut z = if starts_at_zero { DVec2::ZERO } else { p };
+        let mut least = if starts_at_zero { f64::INFINITY } else { z.length_squared() };
+        for n in 0..f.iterations {
+            z = f.step(z, f.julia.unwrap_or(p));
+            let size = z.length_squared();
+            least = least.min(size);
+            if !(size <= if is_power { 4.0 } else { 1e4 }) || (!is_power && (z - DVec2::X).length_squared() < 1e-4) {
+                return f.outside(z, n);
+            }
+        }
+        if f.interior.method == 1 { least.sqrt() * f.interior.factor } else { f.interior.factor }
+    }
+
+    #[test]
+    fn cycles_end_the_iteration_and_change_nothing() {
+        for set in [FractalSet::Power(2), FractalSet::Power(3), FractalSet::Magnet1] {
+            for julia in [None, Some(DVec2::new(-0.12, 0.74)), Some(DVec2::new(0.3, 0.1))] {
+                for method in [0, 1] {
+                    let fractal = Fractal { set, julia, interior: Coloring { method, factor: 0.7 }, ..Fractal::mandelbrot(300) };
+                    for i in 0..1600 {
+                        let p = DVec2::new(f64::from(i % 40) / 12.0 - 2.2, f64::from(i / 40) / 16.0 - 1.2);
+                        assert_eq!(fractal.value(p.extend(0.0)), plainly(&fractal, p), "{fractal:?} {p}");
+                    }
+                }
+            }
+        }
+    }
+}

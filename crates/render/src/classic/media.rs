@@ -73,7 +73,11 @@ impl Tracer<'_, '_> {
             let middle = line.at(0.5 * (cut[0] + cut[1]));
             lamps.clear();
             if scatters {
-                lamps.extend(world.media_lamps(group).filter(|l| l.light.kind == LightKind::Point || l.color(l.light.location, middle) != DVec3::ZERO));
+                lamps.extend(
+                    world
+                        .media_lamps(group)
+                        .filter(|l| l.light.kind == LightKind::Point || l.color(l.light.location, middle) != DVec3::ZERO),
+                );
             }
             for k in 0..pieces as u32 {
                 let from = cut[0] + f64::from(k) * step;

@@ -5,8 +5,8 @@
 //! list; merging adds them to the sums of the whole film.
 
 use super::{
-    Film, FilmCounters, FilmSpec, LIMIT, Rect, SQUARE_BITS, SQUARE_LIMIT, SQUARE_ONE, SQUARES, SUM_BITS, add_slices, finite_or_zero,
-    fixed, limit, real,
+    Film, FilmCounters, FilmSpec, LIMIT, Rect, SQUARE_BITS, SQUARE_LIMIT, SQUARE_ONE, SQUARES, SUM_BITS, add_slices, finite_or_zero, fixed,
+    limit, real,
 };
 
 /// A splat as a tile keeps it. Its numbers are finite.

@@ -255,6 +255,21 @@ mod tests {
     }
 
     #[test]
+    fn grids_have_a_sample_in_each_cell() {
+        let sampler = Sampler { kind: SamplerKind::Stratified, seed: 1, spp: 9 };
+        let mut seen = [false; 9];
+        for i in 0..9 {
+            let mut stream = sampler.stream(5, 3, i);
+            let u = stream.next_grid_2d(3);
+            let mut after = sampler.stream(5, 3, i);
+            after.skip_2d();
+            assert_eq!(stream.next_1d(), after.next_1d(), "what follows does not depend on it");
+            assert!(!std::mem::replace(&mut seen[(u.x * 3.0) as usize + 3 * (u.y * 3.0) as usize], true), "{u}");
+        }
+        assert!(sampler.stream(0, 0, u32::MAX).next_grid_2d(u32::MAX).is_finite());
+    }
+
+    #[test]
     fn dimensions_are_uncorrelated() {
         for kind in KINDS {
             let sampler = Sampler { kind, seed: 5, spp: 1024 };

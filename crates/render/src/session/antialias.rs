@@ -156,7 +156,7 @@ mod tests {
         }
         for space in [WorkingSpace::Power(2.2), WorkingSpace::Srgb] {
             for v in [0.0, 1e-3, 0.3, -0.7, 4.0] {
-                let [a, b] = [(v, space), (space.linear(v) , WorkingSpace::Linear)].map(|(v, s)| compared(Spectrum::splat(v as f32), s)[0]);
+                let [a, b] = [(v, space), (space.linear(v), WorkingSpace::Linear)].map(|(v, s)| compared(Spectrum::splat(v as f32), s)[0]);
                 assert!((a - b).abs() < 1e-6, "{space:?} {v}: {a} {b}");
             }
         }

@@ -149,7 +149,9 @@ impl HeightField {
         }
         let inverse = d.recip();
         let (across, along) = (1.0 / (self.columns - 1) as f64, 1.0 / (self.rows - 1) as f64);
-        let Some((top, root)) = self.levels.len().checked_sub(1).and_then(|top| Some((top, *self.levels[top].ranges.first()?))) else { return };
+        let Some((top, root)) = self.levels.len().checked_sub(1).and_then(|top| Some((top, *self.levels[top].ranges.first()?))) else {
+            return;
+        };
         let slab = |lo: f64, hi: f64, o: f64, d: f64, inverse: f64| {
             if d == 0.0 {
                 return if o >= lo && o <= hi { (f64::NEG_INFINITY, f64::INFINITY) } else { (1.0, 0.0) };

@@ -109,7 +109,11 @@ impl Primitive for Torus {
         let counts = |t: f64| t > t_min && t < t_max;
         let first = part.t(quartic_first(&part.c, part.lo, part.hi)?);
         // A root at the very end of the interval may lie outside of it by rounding.
-        let t = if counts(first) { first } else { quartic_in(&part.c, part.lo, part.hi).into_iter().map(|s| part.t(s)).find(|t| counts(*t))? };
+        let t = if counts(first) {
+            first
+        } else {
+            quartic_in(&part.c, part.lo, part.hi).into_iter().map(|s| part.t(s)).find(|t| counts(*t))?
+        };
         Some(Crossing::new(t, 0))
     }
 
