@@ -289,8 +289,8 @@ fn furnaces_are_evenly_bright() {
                 let u = Vec2::new((k as f32 * 0.618_034).fract(), (k as f32 * 0.754_878).fract());
                 let d = etendue_render::math::warp::uniform_sphere(u);
                 let h = irradiance(&scene, &solution, Vec3::new(0.1, -0.2, 0.05), d)[0] / (2.0 * PI);
-                // Elements of unlike sizes meet: their factors to each other are uncertain, one by one.
-                assert!((h - 1.0).abs() < 0.05, "{name} in {geometry:?}: {h} along {d}");
+                // An element has 16 to 32 rays here: single ones are noisy, the mean is not.
+                assert!((h - 1.0).abs() < 0.1, "{name} in {geometry:?}: {h} along {d}");
                 sum += h / 400.0;
             }
             println!("furnace {geometry:?} {name}: {sum:.5}");

@@ -175,7 +175,8 @@ fn by_noise(solved: &Solved, leaves: &[u32], mean: u32) -> Vec<u32> {
     };
     let sum: f64 = leaves.iter().map(|i| f64::from(want(i))).sum();
     let scale = if sum > 0.0 { f64::from(mean) * leaves.len() as f64 / sum } else { 0.0 };
-    let least = (mean / 8).max(1);
+    // Elements are seen one by one as well: none may be much noisier than others.
+    let least = (mean / 2).max(1);
     leaves.iter().map(|i| ((f64::from(want(i)) * scale) as u32).clamp(least, mean.saturating_mul(MOST_BY_NOISE))).collect()
 }
 
