@@ -5,6 +5,8 @@ start to picture. Prints a Markdown table of CPU seconds (the least of all round
 
     python bench/povray.py [GLOB ...] [--etendue target/release/etendue] [--rounds 3] [--width 320 --height 240]
 
+`--matching rows.json` takes the scenes that match POV-Ray's pictures, from what the corpus' scorer writes with `--json`.
+
 The scenes are found with --examples or POVRAY_EXAMPLES, the include files with --include or POVRAY_INCLUDE. Without POV-Ray or
 its scenes nothing is measured, and that is said.
 """
@@ -13,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import fnmatch
+import json
 import math
 import os
 import shutil
@@ -91,6 +94,7 @@ def main() -> int:
     parser.add_argument("--height", type=int, default=240)
     parser.add_argument("--antialias", type=float, default=0.3)
     parser.add_argument("--timeout", type=float, default=120.0, help="wall-clock seconds of one run")
+    parser.add_argument("--matching", type=Path, metavar="JSON", help="the scenes that the scorer found to match, in place of GLOBs")
     parser.add_argument("--limit", type=int, help="at most so many scenes, spread evenly")
     args = parser.parse_args()
     if not shutil.which(args.povray):
@@ -105,12 +109,17 @@ def main() -> int:
         tree = Path(folder) / "examples"
         shutil.copytree(args.examples, tree)
         paths = sorted(str(p.relative_to(tree)) for p in tree.rglob("*.pov"))
-        chosen = [p for p in paths if any(fnmatch.fnmatch(p, g) for g in args.scenes)]
+        globs = args.scenes
+        if args.matching:
+            rows = json.loads(args.matching.read_text())["rows"]
+            globs = [row["path"] for row in rows if row["class"] == "match" and not row["trivial"]]
+        chosen = [p for p in paths if any(fnmatch.fnmatch(p, g) for g in globs)]
         if args.limit and args.limit < len(chosen):
             chosen = [chosen[i * len(chosen) // args.limit] for i in range(args.limit)]
         print(f"{args.width}×{args.height}, antialiasing {args.antialias}, one thread, least CPU seconds of {args.rounds}\n")
         print("| scene | etendue | POV-Ray | ratio |\n|---|--:|--:|--:|")
         ratios: list[tuple[float, str]] = []
+        totals = [0.0, 0.0]
         for path in chosen:
             times: dict[str, list[float | None]] = {"etendue": [], "povray": []}
             for _ in range(args.rounds):
@@ -125,10 +134,11 @@ def main() -> int:
                 print(f"| {path} | {shown[0]} | {shown[1]} | |", flush=True)
                 continue
             ratios.append((ours / max(theirs, 1e-3), path))
+            totals = [totals[0] + ours, totals[1] + theirs]
             print(f"| {path} | {shown[0]} | {shown[1]} | {ratios[-1][0]:.2f} |", flush=True)
     if ratios:
         mean = math.exp(sum(math.log(max(r, 1e-6)) for r, _ in ratios) / len(ratios))
-        print(f"\n{len(ratios)} scenes, geometric mean of the ratios **{mean:.2f}**. Worst:")
+        print(f"\n{len(ratios)} scenes, geometric mean of the ratios **{mean:.2f}**, of the sums {totals[0] / max(totals[1], 1e-3):.2f}. Worst:")
         for ratio, path in sorted(ratios, reverse=True)[:10]:
             print(f"- {ratio:.2f} {path}")
     return 0

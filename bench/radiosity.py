@@ -1,6 +1,6 @@
 """Measure the radiosity solvers: agreement with the path tracer, error against seconds, growth with the number of elements.
 
-    python bench/radiosity.py [agree] [speed] [grow] [--etendue target/release/etendue] [--folder docs/theory/radiosity] [--keep FOLDER]
+    python bench/radiosity.py [agree] [speed] [grow] [bake] [--etendue target/release/etendue] [--folder docs/theory/radiosity] [--keep FOLDER]
 
 `agree`: the Cornell box and the furnished room of this repository by each solver, beside the path tracer. A region is a tile of 8 × 8
 pixels that shows one smooth surface and has no geometric edge within two pixels; printed are the error of the mean over all regions and
@@ -12,9 +12,11 @@ all threads, so that other work on the machine does not matter. Needs NumPy and 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import os
 import re
+import struct
 import subprocess
 import tempfile
 from pathlib import Path
@@ -25,6 +27,8 @@ import OpenEXR
 ROOT = Path(__file__).parent.parent
 SCENES = {"Cornell box": ROOT / "scenes/radiosity/cornell.xml", "furnished room": ROOT / "scenes/baking/room.xml"}
 WIDTH = 192
+# Regions of a reference with a larger relative standard error get more samples.
+NOISE = 0.005
 TILE = 8
 MARGIN = 2
 SETTINGS: dict[str, list[str]] = {
@@ -68,16 +72,38 @@ class Reference:
     def __init__(self, etendue: str, scene: Path, spp: int, folder: Path) -> None:
         """Render it, or take what an earlier run left."""
         self.scene = scene
-        file = folder / f"{scene.stem}-{spp}.exr"
+        self.etendue = etendue
+        self.folder = folder
+        base = ["--width", str(WIDTH), "--sampler", "sobol"]
+        picture = self.render(f"{scene.stem}-{spp}", [*base, "--spp", str(spp)])
+        # Where the edges are, and how uncertain a sample is.
+        guide = self.render(f"{scene.stem}-guide", ["--width", str(WIDTH), "--spp", "64", "--aov", "object,normal,variance"])
+        self.picture = rgb(picture)
+        self.tiles = self.regions(guide["id.object"], np.stack([guide[f"N.{c}"] for c in "XYZ"], -1))
+        # Variances of the mean of colors by one sample; their standard deviations are added as if the noise of colors were the same.
+        variance = np.mean([np.sqrt(guide[f"variance.{c}"]) for c in "RGB"], 0) ** 2 * 64
+        self.means = np.zeros(len(self.tiles))
+        self.noise = np.zeros(len(self.tiles))
+        for k, tile in enumerate(self.tiles):
+            mean, samples = self.picture[tile].mean(), spp
+            one = math.sqrt(variance[tile].mean()) / TILE / mean
+            needed = (one / NOISE) ** 2
+            if needed > spp:
+                more = min(256 * math.ceil((needed - spp) / 256), 1 << 17)
+                crop = f"{tile[1].start},{tile[0].start},{tile[1].stop},{tile[0].stop}"
+                flags = [*base, "--spp", str(more), "--seed", "1", "--crop", crop]
+                part = rgb(self.render(f"{scene.stem}-{spp}-{tile[1].start}-{tile[0].start}-{more}", flags))
+                part = part if part.shape[0] == TILE else part[tile]
+                mean = (mean * spp + part.mean() * more) / (spp + more)
+                samples = spp + more
+            self.means[k], self.noise[k] = mean, one / math.sqrt(samples)
+
+    def render(self, name: str, flags: list[str]) -> dict[str, np.ndarray]:
+        """Return the channels of a picture of the scene, rendered where there is none yet."""
+        file = self.folder / f"{name}.exr"
         if not file.exists():
-            run(etendue, scene, ["--width", str(WIDTH), "--spp", str(spp), "--sampler", "sobol", "--quiet"], file)
-        # One sample at the pixels' middles: where the edges are.
-        guide = folder / f"{scene.stem}-guide.exr"
-        if not guide.exists():
-            run(etendue, scene, ["--width", str(WIDTH), "--spp", "16", "--aov", "object,normal", "--quiet"], guide)
-        planes = channels(guide)
-        self.picture = rgb(channels(file))
-        self.tiles = self.regions(planes["id.object"], np.stack([planes[f"N.{c}"] for c in "XYZ"], -1))
+            run(self.etendue, self.scene, [*flags, "--quiet"], file)
+        return channels(file)
 
     def regions(self, objects: np.ndarray, normals: np.ndarray) -> list[tuple[slice, slice]]:
         """Return the tiles whose pixels, and those of a margin, are of one object whose normals turn slowly; no lights."""
@@ -98,8 +124,7 @@ class Reference:
     def errors(self, picture: np.ndarray) -> tuple[float, np.ndarray]:
         """Return the relative error of the mean over all regions, and that of each region (of its mean over colors)."""
         ours = np.array([picture[t].mean() for t in self.tiles])
-        theirs = np.array([self.picture[t].mean() for t in self.tiles])
-        return float(ours.mean() / theirs.mean() - 1), ours / theirs - 1
+        return float(ours.mean() / self.means.mean() - 1), ours / self.means - 1
 
 
 # What is brighter than this in a reference is a light.
@@ -232,16 +257,181 @@ def grow(etendue: str, charts: Path) -> None:
     (charts / "grow.svg").write_text(chart(line, "elements", "s", 1), encoding="utf-8")
 
 
+class Atlas:
+    """The layout of a baked GLB file: blocks of texels that are of one chart, away from its border, and in the open."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        """Read the file; draw its triangles into a square of `size` texels."""
+        data = path.read_bytes()
+        length = struct.unpack_from("<I", data, 12)[0]
+        self.doc = json.loads(data[20 : 20 + length])
+        self.binary = data[28 + length :]
+        uv_set = self.doc["scenes"][0]["extras"]["etendue"]["lightmap"]["texCoord"]
+        corners, places, charts = [], [], []
+        for node in self.doc["nodes"]:
+            # Baked meshes are in world space.
+            for part in self.doc["meshes"][node["mesh"]]["primitives"] if "mesh" in node else []:
+                if f"TEXCOORD_{uv_set}" not in part["attributes"]:
+                    continue
+                positions = self.numbers(part["attributes"]["POSITION"])
+                uv = self.numbers(part["attributes"][f"TEXCOORD_{uv_set}"])
+                triangles = self.numbers(part["indices"]).reshape(-1, 3).astype(int)
+                corners.append(positions[triangles])
+                places.append(uv[triangles] * size)
+                charts.append(connected(triangles) + (charts[-1].max() + 1 if charts else 0))
+        self.corners, self.charts = np.concatenate(corners), np.concatenate(charts)
+        self.chart = np.full((size, size), -1)
+        self.point = np.zeros((size, size, 3))
+        for corners_of, place, chart in zip(self.corners, np.concatenate(places), self.charts, strict=True):
+            self.draw(corners_of, place, int(chart))
+        self.blocks = self.open_blocks(size)
+
+    def numbers(self, accessor: int) -> np.ndarray:
+        """Return the numbers of an accessor, one row for each element."""
+        a = self.doc["accessors"][accessor]
+        view = self.doc["bufferViews"][a["bufferView"]]
+        kind = {5121: np.uint8, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}[a["componentType"]]
+        width = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}[a["type"]]
+        start = view.get("byteOffset", 0) + a.get("byteOffset", 0)
+        values = np.frombuffer(self.binary, kind, a["count"] * width, start)
+        return values.reshape(-1, width).astype(np.float64)
+
+    def draw(self, corners: np.ndarray, place: np.ndarray, chart: int) -> None:
+        """Mark the texels whose middles a triangle holds."""
+        low, high = np.floor(place.min(0)).astype(int), np.ceil(place.max(0)).astype(int)
+        x, y = np.meshgrid(np.arange(low[0], high[0]), np.arange(low[1], high[1]))
+        (ax, ay), (bx, by), (cx, cy) = place
+        area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if area == 0 or x.size == 0:
+            return
+        b = ((x + 0.5 - ax) * (cy - ay) - (cx - ax) * (y + 0.5 - ay)) / area
+        c = ((bx - ax) * (y + 0.5 - ay) - (x + 0.5 - ax) * (by - ay)) / area
+        inside = (b >= 0) & (c >= 0) & (b + c <= 1)
+        weights = np.stack([1 - b - c, b, c], -1)[inside]
+        self.chart[y[inside], x[inside]] = chart
+        self.point[y[inside], x[inside]] = weights @ corners
+
+    def open_blocks(self, size: int) -> list[tuple[slice, slice]]:
+        """Return the blocks of one chart, with a margin, at whose corners and middle no other surface is near."""
+        found = []
+        for y in range(MARGIN, size - TILE - MARGIN + 1, TILE):
+            for x in range(MARGIN, size - TILE - MARGIN + 1, TILE):
+                around = self.chart[y - MARGIN : y + TILE + MARGIN, x - MARGIN : x + TILE + MARGIN]
+                if around.min() >= 0 and np.ptp(around) == 0 and self.is_open(self.point[y : y + TILE, x : x + TILE]):
+                    found.append((slice(y, y + TILE), slice(x, x + TILE)))
+        return found
+
+    def is_open(self, points: np.ndarray) -> bool:
+        """Whether a block is flat and neither in another body nor cut by one: up and down along its normal, the same surfaces are met."""
+        p = points[:: TILE - 1, :: TILE - 1].reshape(-1, 3)
+        normal = np.cross(p[1] - p[0], p[2] - p[0])
+        length = np.linalg.norm(normal)
+        if length == 0 or abs((p[3] - p[0]) @ normal) > 1e-4 * length * np.linalg.norm(p[3] - p[0]):
+            return False
+        normal /= length
+        lines = [self.meet(q, normal) for q in [*p, points[TILE // 2, TILE // 2]]]
+        met = {tuple(np.unique(self.charts[np.abs(t) < NEAR])) for t in lines}
+        # Where two surfaces touch no one sees either.
+        return len(met) == 1 and all((np.abs(t) < 1e-4).sum() == 1 for t in lines)
+
+    def meet(self, p: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Return where the line p + t d meets each triangle; infinity where it does not (Möller and Trumbore 1997)."""
+        a, e1, e2 = self.corners[:, 0], self.corners[:, 1] - self.corners[:, 0], self.corners[:, 2] - self.corners[:, 0]
+        h = np.cross(d, e2)
+        det = np.einsum("ij,ij->i", e1, h)
+        det[np.abs(det) < 1e-12] = np.inf
+        s = p - a
+        u = np.einsum("ij,ij->i", s, h) / det
+        q = np.cross(s, e1)
+        v = q @ d / det
+        t = np.einsum("ij,ij->i", e2, q) / det
+        return np.where(np.isfinite(det) & (u >= 0) & (v >= 0) & (u + v <= 1), t, np.inf)
+
+
+def connected(triangles: np.ndarray) -> np.ndarray:
+    """Return for each triangle the number of the part that it is connected with by common vertices."""
+    label = np.arange(triangles.max() + 1)
+    while True:
+        least = label[triangles].min(1)
+        following = label.copy()
+        np.minimum.at(following, triangles.ravel(), np.repeat(least, 3))
+        if (following == label).all():
+            return np.unique(label[triangles[:, 0]], return_inverse=True)[1]
+        label = following
+
+
+# Seeds and settings of each way to bake.
+BAKES: dict[str, tuple[int, list[str]]] = {
+    "path": (4, ["--spp", "256"]),
+    "radiosity": (2, []),
+    "radiosity, gathered": (2, ["--final-gather", "--spp", "64"]),
+    "particles": (2, ["--photons", "4000000"]),
+    "particles, gathered": (2, ["--final-gather", "--spp", "64"]),
+}
+BAKE_SIZE = 256
+# Blocks of texels are left out where something stands within this distance (scene units) above or below a part of them.
+NEAR = 0.1
+# What is darker than this share of the mean is left out.
+DARKEST = 0.01
+
+
+def bake(etendue: str, folder: Path) -> None:
+    """Print how far the methods of baking are from each other, block by block and chart by chart of a lightmap."""
+    glb = folder / "room.glb"
+    subprocess.run([etendue, "convert", str(SCENES["furnished room"]), str(glb), "--quiet"], check=True)
+    maps: dict[str, list[np.ndarray]] = {}
+    atlas = None
+    for method, (seeds, flags) in BAKES.items():
+        maps[method] = []
+        for seed in range(seeds):
+            out = folder / f"baked-{method.replace(', ', '-')}-{seed}.glb"
+            if not out.exists():
+                command = [etendue, "bake", str(glb), "-o", str(out), "--method", method.split(",")[0], "--exr", "--quiet"]
+                subprocess.run([*command, "--resolution", str(BAKE_SIZE), "--seed", str(seed), *flags], check=True)
+            maps[method].append(rgb(channels(out.with_suffix(".0.exr"))))
+            atlas = atlas or Atlas(out, BAKE_SIZE)
+    assert atlas is not None
+    print("| regions | method | mean of all | standard error, path's and its own | root mean square of differences | that without noise | beyond 2% and 3 σ |")
+    print("|---|---|---|---|---|---|---|")
+    of_block = [int(atlas.chart[block][0, 0]) for block in atlas.blocks]
+    every = np.unique(of_block)
+    for what in ("blocks", "charts"):
+        # Means of blocks, or of all blocks of a chart; rows are seeds.
+        means = {method: np.array([[p[block].mean() for block in atlas.blocks] for p in pictures]) for method, pictures in maps.items()}
+        if what == "charts":
+            means = {k: np.stack([v[:, [c == chart for c in of_block]].mean(1) for chart in every], 1) for k, v in means.items()}
+        reference = means["path"].mean(0)
+        lit = reference > DARKEST * reference.mean()
+        for method, values in means.items():
+            if method == "path":
+                continue
+            differences = values[:, lit].mean(0) / reference[lit] - 1
+            noise = [standard_error(v[:, lit]) for v in (means["path"], values)]
+            rms = math.sqrt(np.mean(differences**2))
+            sure = np.abs(differences) > 0.02 + 3 * math.hypot(*noise)
+            print(
+                f"| {lit.sum()} {what} | {method} | {values[:, lit].mean() / reference[lit].mean() - 1:+.2%} | {noise[0]:.2%}, {noise[1]:.2%} | "
+                f"{rms:.2%} | {math.sqrt(max(rms**2 - noise[0] ** 2 - noise[1] ** 2, 0)):.2%} | {sure.sum()} |",
+                flush=True,
+            )
+
+
+def standard_error(values: np.ndarray) -> float:
+    """Return the relative standard error of the mean over seeds (rows), in the root mean square over regions (columns)."""
+    relative = values / values.mean(0)
+    return float(np.sqrt(relative.var(0, ddof=1).mean() / len(values)))
+
+
 def main() -> None:
     """Run what the command line asks for."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", help="agree, speed, grow; all where nothing is given")
+    parser.add_argument("what", nargs="*", help="agree, speed, grow, bake; all where nothing is given")
     parser.add_argument("--etendue", default=str(ROOT / "target/release/etendue"))
     parser.add_argument("--folder", type=Path, default=ROOT / "docs/theory/radiosity", help="where charts go")
     parser.add_argument("--spp", type=int, default=1024, help="of the path-traced references")
     parser.add_argument("--keep", type=Path, help="where pictures stay; references that are there are used again")
     arguments = parser.parse_args()
-    known = ["agree", "speed", "grow"]
+    known = ["agree", "speed", "grow", "bake"]
     what = arguments.what or known
     if not set(what) <= set(known):
         parser.error(f"there are {', '.join(known)}")
@@ -256,6 +446,8 @@ def main() -> None:
                 speed(arguments.etendue, references, folder, arguments.folder)
         if "grow" in what:
             grow(arguments.etendue, arguments.folder)
+        if "bake" in what:
+            bake(arguments.etendue, folder)
 
 
 if __name__ == "__main__":

@@ -31,14 +31,18 @@ pub fn noise(p: DVec3, generator: u8) -> f64 {
 /// (measured); the argument keeps the two kinds of noise alike.
 pub fn vector_noise(p: DVec3, _generator: u8) -> DVec3 {
     let cell = Cell::new(p);
-    let mut sum = DVec3::ZERO;
+    // Four terms of each component, added at the end: pairs that compilers turn into vector code.
+    let mut sum = [[0.0; 4]; 3];
     for corner in 0..8 {
         let (h, weight, d) = cell.corner(corner);
-        let component =
-            |k: usize| COEFFICIENTS[k] * 0.5 + COEFFICIENTS[k + 1] * d.x + COEFFICIENTS[k + 2] * d.y + COEFFICIENTS[k + 3] * d.z;
-        sum += weight * DVec3::new(component(h), component(h + 4), component(h + 8));
+        let factors = [weight * 0.5, weight * d.x, weight * d.y, weight * d.z];
+        for (k, sum) in sum.iter_mut().enumerate() {
+            for (i, (sum, factor)) in sum.iter_mut().zip(factors).enumerate() {
+                *sum += COEFFICIENTS[h + 4 * k + i] * factor;
+            }
+        }
     }
-    sum
+    DVec3::from_array(sum.map(|s| (s[0] + s[2]) + (s[1] + s[3])))
 }
 
 /// Parameters of turbulence.
@@ -196,9 +200,10 @@ impl Cell {
     /// Number of a corner in [`COEFFICIENTS`], its weight and the point seen from it.
     #[inline]
     fn corner(&self, corner: usize) -> (usize, f64, DVec3) {
-        let offset = DVec3::new((corner & 1) as f64, (corner >> 1 & 1) as f64, (corner >> 2) as f64);
-        let weight = |s: f64, above: f64| if above > 0.0 { s } else { 1.0 - s };
-        let w = weight(self.s.x, offset.x) * weight(self.s.y, offset.y) * weight(self.s.z, offset.z);
+        let [x, y, z] = [corner & 1, corner >> 1 & 1, corner >> 2];
+        let offset = DVec3::new(x as f64, y as f64, z as f64);
+        let weight = |s: f64, above: usize| if above > 0 { s } else { 1.0 - s };
+        let w = weight(self.s.x, x) * weight(self.s.y, y) * weight(self.s.z, z);
         (usize::from(self.hash[corner]), w, self.d - offset)
     }
 }

@@ -34,6 +34,9 @@ const NEIGHBORS: [[i8; 3]; 81] = {
     list
 };
 
+/// The first of [`NEIGHBORS`] that is two off.
+const TWO_OFF: usize = 27;
+
 /// Number of a unit cell, 0 to 4095; unlike the lattice of the noise, cells are numbered from 0 on.
 fn cell_hash(cell: [i64; 3]) -> usize {
     cell.into_iter().fold(None, |h, i| Some(usize::from(HASH[(h.unwrap_or(0) ^ (i & 4095) as usize) % HASH_SIZE]))).unwrap_or(0)
@@ -58,18 +61,6 @@ pub fn cells(p: DVec3) -> f64 {
 /// * `solid`: the noise at the nearest feature point instead, by `generator`.
 pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, generator: u8) -> f64 {
     let metric = if metric > 0.0 && metric.is_finite() { metric } else { 2.0 };
-    let power = |d: f64| {
-        if metric == 2.0 {
-            d * d
-        } else if metric == 1.0 {
-            d.abs()
-        } else {
-            fns::pow(d.abs(), metric)
-        }
-    };
-    let floor = p.floor();
-    let d = (p - floor).to_array();
-    let base = floor.to_array().map(|c| c as i64);
     let needed = if solid || (form.y == 0.0 && form.z == 0.0) {
         0
     } else if form.z == 0.0 {
@@ -77,33 +68,13 @@ pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, gen
     } else {
         2
     };
-    let mut best = [f64::INFINITY; 3];
-    let mut nearest = p;
-    // Near cubes come first, so that most of the others are left out below.
-    for neighbor in NEIGHBORS {
-        // Least distance to any point of the cube.
-        let step = neighbor.map(i64::from);
-        let gap = |axis: usize| match step[axis] {
-            0 => 0.0,
-            o if o < 0 => d[axis] - (o + 1) as f64,
-            o => o as f64 - d[axis],
-        };
-        if power(gap(0)) + power(gap(1)) + power(gap(2)) >= best[needed] {
-            continue;
-        }
-        let cell = [0, 1, 2].map(|axis| base[axis].wrapping_add(step[axis]));
-        let h = cell_hash(cell);
-        let point = [0, 1, 2].map(|axis| step[axis] as f64 + uniform(h + axis));
-        let s = power(d[0] - point[0]) + power(d[1] - point[1]) + power(d[2] - point[2]);
-        if s < best[0] {
-            nearest = floor + DVec3::from_array(point);
-            best = [s, best[0], best[1]];
-        } else if s < best[1] {
-            best = [best[0], s, best[1]];
-        } else if s < best[2] {
-            best[2] = s;
-        }
-    }
+    let (best, nearest) = if metric == 2.0 {
+        feature_points(p, needed, |d| d * d)
+    } else if metric == 1.0 {
+        feature_points(p, needed, f64::abs)
+    } else {
+        feature_points(p, needed, |d| fns::pow(d.abs(), metric))
+    };
     if solid {
         return noise(nearest, generator);
     }
@@ -123,6 +94,48 @@ pub fn crackle(p: DVec3, form: DVec3, metric: f64, offset: f64, solid: bool, gen
             }
     };
     unit(distance(form.x, best[0]) + distance(form.y, best[1]) + distance(form.z, best[2]))
+}
+
+/// How far the three nearest feature points are, as the sum of `power` over the axes, and the nearest of them. Of the second and third only
+/// as many are right as are `needed`.
+#[inline(always)]
+fn feature_points(p: DVec3, needed: usize, power: impl Fn(f64) -> f64) -> ([f64; 3], DVec3) {
+    let floor = p.floor();
+    let d = (p - floor).to_array();
+    let base = floor.to_array().map(|c| c as i64);
+    // Least distances along an axis to any point of the cubes two, one … off.
+    let gaps = d.map(|d| [power(d + 1.0), power(d), 0.0, power(1.0 - d), power(2.0 - d)]);
+    let mut first = [0; 5];
+    for (step, h) in (-2i64..).zip(&mut first) {
+        *h = usize::from(HASH[(base[0].wrapping_add(step) & 4095) as usize % HASH_SIZE]);
+    }
+    let mut best = [f64::INFINITY; 3];
+    let mut nearest = p;
+    // Near cubes come first, so that most of the others are left out.
+    for (i, neighbor) in NEIGHBORS.iter().enumerate() {
+        // All cubes from here on are off by two along an axis.
+        if i == TWO_OFF && best[needed] <= power(1.0) {
+            break;
+        }
+        let [x, y, z] = neighbor.map(|step| (step + 2) as usize % 5);
+        if gaps[0][x] + gaps[1][y] + gaps[2][z] >= best[needed] {
+            continue;
+        }
+        let step = neighbor.map(i64::from);
+        let next = |h: usize, axis: usize| usize::from(HASH[(h ^ (base[axis].wrapping_add(step[axis]) & 4095) as usize) % HASH_SIZE]);
+        let h = next(next(first[x], 1), 2);
+        let point = [step[0] as f64 + uniform(h), step[1] as f64 + uniform(h + 1), step[2] as f64 + uniform(h + 2)];
+        let s = power(d[0] - point[0]) + power(d[1] - point[1]) + power(d[2] - point[2]);
+        if s < best[0] {
+            nearest = floor + DVec3::from_array(point);
+            best = [s, best[0], best[1]];
+        } else if s < best[1] {
+            best = [best[0], s, best[1]];
+        } else if s < best[2] {
+            best[2] = s;
+        }
+    }
+    (best, nearest)
 }
 
 /// Most waves of a scene.

@@ -185,6 +185,10 @@ fn bake(args: &Args, denoiser: Option<&Denoiser>) -> anyhow::Result<ExitCode> {
         say("interrupted; go on with --resume");
         return Ok(ExitCode::from(exit::INTERRUPTED));
     }
+    if !complete && solution.spp == 0 {
+        say("interrupted before the first sample: nothing is written");
+        return Ok(ExitCode::from(exit::INTERRUPTED));
+    }
     let order = Order {
         display: match args.display {
             DisplayArg::Emissive => Display::Emissive,

@@ -108,6 +108,9 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if keeps_film {
         session.set_scene_hash(desc.content_hash());
     }
+    if !(keeps_film || develop.variance || args.noise.is_some()) && plan.antialias.is_some() {
+        session.forgo_error_estimate();
+    }
     if !args.quiet {
         session.warnings().iter().for_each(|w| note(&format!("warning: {w}")));
     }

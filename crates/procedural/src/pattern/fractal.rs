@@ -62,8 +62,20 @@ impl Fractal {
         let mut z = if starts_at_zero { DVec2::ZERO } else { point };
         let mut least = if starts_at_zero { f64::INFINITY } else { z.length_squared() };
         let limit = if power { 4.0 } else { 1e4 };
+        // Points inside of the set come into a cycle, mostly soon; where their last point does not matter, that settles it.
+        let may_stop = !(2..=6).contains(&self.interior.method);
+        if may_stop && self.set == FractalSet::Power(2) && self.julia.is_none() && self.interior.method != 1 && in_largest_parts(point) {
+            return self.interior.factor;
+        }
+        let (mut seen, mut next) = (z, 8);
         for n in 0..self.iterations {
             z = self.step(z, c);
+            if z == seen && may_stop {
+                break;
+            }
+            if n == next {
+                (seen, next) = (z, next.saturating_mul(2));
+            }
             let size = z.length_squared();
             least = least.min(size);
             // Written so that NaN leaves as well.
@@ -119,6 +131,13 @@ fn of_last(method: u8, z: DVec2) -> Option<f64> {
     })
 }
 
+/// Whether a point is in the Mandelbrot set's cardioid or in the disc beside it.
+fn in_largest_parts(c: DVec2) -> bool {
+    let (x, y2) = (c.x - 0.25, c.y * c.y);
+    let q = x * x + y2;
+    q * (q + x) < 0.249_999 * y2 || (c.x + 1.0) * (c.x + 1.0) + y2 < 0.062_499
+}
+
 fn multiply(a: DVec2, b: DVec2) -> DVec2 {
     DVec2::new(a.x * b.x - a.y * b.y, a.x * b.y + a.y * b.x)
 }
@@ -142,4 +161,41 @@ fn power(z: DVec2, exponent: u8) -> DVec2 {
         left >>= 1;
     }
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The value with all iterations done.
+    fn plainly(f: &Fractal, p: DVec2) -> f64 {
+        let is_power = matches!(f.set, FractalSet::Power(_));
+        let starts_at_zero = !is_power && f.julia.is_none();
+        let mut z = if starts_at_zero { DVec2::ZERO } else { p };
+        let mut least = if starts_at_zero { f64::INFINITY } else { z.length_squared() };
+        for n in 0..f.iterations {
+            z = f.step(z, f.julia.unwrap_or(p));
+            let size = z.length_squared();
+            least = least.min(size);
+            if !(size <= if is_power { 4.0 } else { 1e4 }) || (!is_power && (z - DVec2::X).length_squared() < 1e-4) {
+                return f.outside(z, n);
+            }
+        }
+        if f.interior.method == 1 { least.sqrt() * f.interior.factor } else { f.interior.factor }
+    }
+
+    #[test]
+    fn cycles_end_the_iteration_and_change_nothing() {
+        for set in [FractalSet::Power(2), FractalSet::Power(3), FractalSet::Magnet1] {
+            for julia in [None, Some(DVec2::new(-0.12, 0.74)), Some(DVec2::new(0.3, 0.1))] {
+                for method in [0, 1] {
+                    let fractal = Fractal { set, julia, interior: Coloring { method, factor: 0.7 }, ..Fractal::mandelbrot(300) };
+                    for i in 0..1600 {
+                        let p = DVec2::new(f64::from(i % 40) / 12.0 - 2.2, f64::from(i / 40) / 16.0 - 1.2);
+                        assert_eq!(fractal.value(p.extend(0.0)), plainly(&fractal, p), "{fractal:?} {p}");
+                    }
+                }
+            }
+        }
+    }
 }

@@ -27,6 +27,15 @@ pub struct CameraRay {
     pub spread_rad: f32,
 }
 
+impl CameraRay {
+    /// A point of the picture (in pixels) and of the lens alone, for methods that make their own rays of it.
+    #[inline]
+    pub fn without_ray(picture: Vec2, u_lens: Vec2) -> Self {
+        let ray = Ray { o: Vec3::ZERO, d: Vec3::NEG_Z, t_min: 0.0, t_max: 0.0 };
+        Self { ray, weight: 1.0, picture, u_lens, spread_rad: 0.0 }
+    }
+}
+
 #[derive(Clone, Debug)]
 enum Projection {
     /// `corner + x·dx + y·dy` is the point of the picture on the plane z = −1.

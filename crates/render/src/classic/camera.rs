@@ -65,6 +65,11 @@ impl Rays {
         self.camera.location
     }
 
+    /// Whether rays differ by where they pass the lens.
+    pub(super) fn needs_lens(&self) -> bool {
+        self.camera.blur.is_on()
+    }
+
     /// The longest ray.
     pub(super) fn max_distance(&self) -> f64 {
         self.mesh.as_ref().map_or(f64::INFINITY, MeshRays::max_distance)

@@ -49,7 +49,7 @@ pub(super) fn highlights(finish: &Finish, n: DVec3, light: DVec3, view: DVec3) -
         let cos = (n * (2.0 * n.dot(view)) - view).dot(light);
         if cos > 0.0 {
             let peak = if finish.phong_albedo { 0.5 * (finish.phong_size + 1.0) } else { 1.0 };
-            sum += finish.phong * peak * fns::pow(cos, finish.phong_size);
+            sum += finish.phong * peak * narrow(cos, finish.phong_size);
         }
     }
     if finish.specular != 0.0 {
@@ -59,10 +59,16 @@ pub(super) fn highlights(finish: &Finish, n: DVec3, light: DVec3, view: DVec3) -
         if length > 1e-12 && cos > 0.0 {
             let e = 1.0 / finish.roughness;
             let peak = if finish.specular_albedo { (e + 2.0) / (4.0 * (2.0 - fns::exp2(-0.5 * e))) } else { 1.0 };
-            sum += finish.specular * peak * fns::pow(cos, e);
+            sum += finish.specular * peak * narrow(cos, e);
         }
     }
     sum
+}
+
+/// cos^e for 0 < cos ≤ 1, without the power where it is below 1e−13, as on most of a surface.
+fn narrow(cos: f64, e: f64) -> f64 {
+    // ln cos ≤ cos − 1.
+    if e * (1.0 - cos) > 30.0 { 0.0 } else { fns::pow(cos, e) }
 }
 
 /// Color of metallic highlights and reflections: the pigment along the normal, white at grazing angles, by Strauss's approximation of

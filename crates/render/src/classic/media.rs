@@ -8,6 +8,7 @@ use etendue_procedural::fns;
 use etendue_scene::desc::classic::{LightKind, Media, Scattering};
 use glam::DVec3;
 
+use super::light::Lamp;
 use super::refract::Stack;
 use super::trace::Tracer;
 use super::{ClassicWorld, atmosphere, peak};
@@ -53,22 +54,34 @@ impl Tracer<'_, '_> {
         let media = around(world, inside);
         let Some(first) = media.first() else { return color };
         let t = t.min(atmosphere::FAR);
+        let scatters = media.iter().any(|m| m.scattering.is_some());
         let mut cuts = vec![0.0, t];
-        if media.iter().any(|m| m.scattering.is_some()) {
+        if scatters {
             world.cut_at_cones(line, t, &mut cuts);
         }
         let intervals = media.iter().map(|m| m.intervals).max().unwrap_or(1).max(1);
         let pieces = f64::from(intervals.div_ceil(cuts.len() as u32 - 1).max(1));
         let samples = media.iter().map(|m| m.samples[0]).max().unwrap_or(1);
         let (mut added, mut passing) = (DVec3::ZERO, DVec3::ONE);
+        let mut lamps: Vec<&Lamp> = Vec::new();
         for cut in cuts.windows(2) {
             let step = (cut[1] - cut[0]) / pieces;
             if !(step > 0.0) {
                 continue;
             }
+            // Cones end at cuts, so that a light shines on all of a part or on nothing of it.
+            let middle = line.at(0.5 * (cut[0] + cut[1]));
+            lamps.clear();
+            if scatters {
+                lamps.extend(
+                    world
+                        .media_lamps(group)
+                        .filter(|l| l.light.kind == LightKind::Point || l.color(l.light.location, middle) != DVec3::ZERO),
+                );
+            }
             for k in 0..pieces as u32 {
                 let from = cut[0] + f64::from(k) * step;
-                self.interval(line, from, step, &media, first, samples, group, &mut added, &mut passing);
+                self.interval(line, from, step, &media, first, samples, &lamps, &mut added, &mut passing);
                 if peak(passing) < 1e-6 {
                     return added;
                 }
@@ -86,7 +99,7 @@ impl Tracer<'_, '_> {
         media: &[&Media],
         rule: &Media,
         samples: u32,
-        group: u32,
+        lamps: &[&Lamp],
         added: &mut DVec3,
         passing: &mut DVec3,
     ) {
@@ -96,10 +109,10 @@ impl Tracer<'_, '_> {
             let shift = if rule.jitter != 0.0 { rule.jitter * (f64::from(self.stream.next_1d()) - 0.5) } else { 0.0 };
             let at = |j: u32| from + (f64::from(j) + shift).max(0.0) * spacing;
             let step = length / f64::from(n);
-            let mut a = self.place(line.at(at(0)), line.d, media, group);
+            let mut a = self.place(line.at(at(0)), line.d, media, lamps);
             for j in 0..n {
-                let b = self.place(line.at(at(j + 1)), line.d, media, group);
-                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], media, rule, 1, group);
+                let b = self.place(line.at(at(j + 1)), line.d, media, lamps);
+                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], media, rule, 1, lamps);
                 *added += *passing * piece.given * step;
                 *passing *= exponential(piece.taken * -step);
                 a = b;
@@ -113,7 +126,7 @@ impl Tracer<'_, '_> {
                     _ if rule.jitter != 0.0 => 0.5 + rule.jitter * (f64::from(self.stream.next_1d()) - 0.5),
                     _ => 0.5,
                 };
-                let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, media, group);
+                let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, media, lamps);
                 *added += *passing * place.given * step;
                 *passing *= exponential(place.taken * -step);
             }
@@ -122,19 +135,19 @@ impl Tracer<'_, '_> {
 
     /// The mean of a piece: of its ends and its middle, or of its halves where those differ.
     #[expect(clippy::too_many_arguments, reason = "private; recursion over one place")]
-    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], media: &[&Media], rule: &Media, level: u32, group: u32) -> Place {
+    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], media: &[&Media], rule: &Media, level: u32, lamps: &[&Lamp]) -> Place {
         let middle = 0.5 * (t[0] + t[1]);
-        let place = self.place(line.at(middle), line.d, media, group);
+        let place = self.place(line.at(middle), line.d, media, lamps);
         let differ = |a: &Place| peak((a.varying - place.varying).abs()) > rule.aa_threshold;
         if level >= rule.aa_level || !(differ(&ends[0]) || differ(&ends[1])) {
             return Place::mean(ends[0], place, ends[1]);
         }
-        let a = self.refine(line, [t[0], middle], [ends[0], place], media, rule, level + 1, group);
-        let b = self.refine(line, [middle, t[1]], [place, ends[1]], media, rule, level + 1, group);
+        let a = self.refine(line, [t[0], middle], [ends[0], place], media, rule, level + 1, lamps);
+        let b = self.refine(line, [middle, t[1]], [place, ends[1]], media, rule, level + 1, lamps);
         Place::half(a, b)
     }
 
-    fn place(&mut self, p: DVec3, d: DVec3, media: &[&Media], group: u32) -> Place {
+    fn place(&mut self, p: DVec3, d: DVec3, media: &[&Media], lamps: &[&Lamp]) -> Place {
         let world = self.world;
         let mut out = Place::default();
         let mut light = None;
@@ -151,7 +164,7 @@ impl Tracer<'_, '_> {
                 continue;
             }
             if light.is_none() {
-                light = Some(self.lamps_at(p, group));
+                light = Some(self.lamps_at(p, lamps));
             }
             let mut scattered = DVec3::ZERO;
             for (towards, color) in light.iter().flatten() {
@@ -163,17 +176,13 @@ impl Tracer<'_, '_> {
         out
     }
 
-    /// Directions and colors of the lamps that light media at a point.
-    fn lamps_at(&mut self, p: DVec3, group: u32) -> Vec<(DVec3, DVec3)> {
-        let world = self.world;
-        let set = world.lamps_of_group.get(group as usize).or(world.lamps_of_group.first());
+    /// Directions and colors at a point of those of some lamps that light it.
+    fn lamps_at(&mut self, p: DVec3, lamps: &[&Lamp]) -> Vec<(DVec3, DVec3)> {
         let mut lights = Vec::new();
-        for lamp in set.into_iter().flatten().filter_map(|&i| world.lamps.get(i as usize)) {
-            if lamp.light.media_interaction {
-                let color = self.lamp_color(lamp, p);
-                if color != DVec3::ZERO {
-                    lights.push((lamp.towards(p).0, color));
-                }
+        for &lamp in lamps {
+            let color = self.lamp_color(lamp, p);
+            if color != DVec3::ZERO {
+                lights.push((lamp.towards(p).0, color));
             }
         }
         lights
@@ -181,6 +190,12 @@ impl Tracer<'_, '_> {
 }
 
 impl ClassicWorld {
+    /// Lamps of a light group that media scatter.
+    fn media_lamps(&self, group: u32) -> impl Iterator<Item = &Lamp> {
+        let set = self.lamps_of_group.get(group as usize).or(self.lamps_of_group.first());
+        set.into_iter().flatten().filter_map(|&i| self.lamps.get(i as usize)).filter(|l| l.light.media_interaction)
+    }
+
     fn density(&self, media: &Media, p: DVec3) -> DVec3 {
         let context = self.context(p);
         media.densities.iter().fold(DVec3::ONE, |product, d| product * d.color(&context).rgb)

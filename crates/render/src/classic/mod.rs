@@ -150,15 +150,25 @@ impl ClassicWorld {
         }
     }
 
+    /// Whether a point on the lens matters.
+    pub fn needs_lens(&self) -> bool {
+        self.rays.needs_lens()
+    }
+
     /// One sample: the light that comes through a point of the picture (in pixels) and of the lens.
     pub fn estimate(&self, picture: DVec2, lens: DVec2, max_level: Option<u32>, stream: &mut SampleStream, out: &mut Estimate) {
         let Some(line) = self.rays.line(self, picture, lens) else { return };
         let mut tracer = Tracer::new(self, stream, max_level);
         tracer.wants_uv = out.wants_uv;
         let traced = tracer.camera_ray(line, self.rays.max_distance());
-        let linear = self.space.linear_rgb(traced.color);
-        let radiance = Spectrum::from_rgb([linear.x as f32, linear.y as f32, linear.z as f32]);
-        out.add(radiance, 0);
+        let spectrum = |c: DVec3| Spectrum::from_rgb([c.x as f32, c.y as f32, c.z as f32]);
+        let is_own = out.wants_own && out.groups.len() <= 1;
+        if is_own {
+            out.radiance = spectrum(traced.color);
+            out.is_own = true;
+        } else {
+            out.add(spectrum(self.space.linear_rgb(traced.color)), 0);
+        }
         out.alpha = traced.alpha as f32;
         if let Some(first) = tracer.first {
             let albedo = self.space.linear_rgb(first.albedo);

@@ -204,7 +204,7 @@ impl<'a> Tracer<'a, '_> {
     fn lit(&mut self, place: &mut Place<'a, '_>, layer: &Layer, pigment: &Color, n: DVec3, opacity: f64) -> DVec3 {
         let finish = &*layer.finish;
         let shines = place.ray.gather == 0 && (finish.phong != 0.0 || finish.specular != 0.0);
-        let scatters = opacity != 0.0 && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
+        let scatters = opacity != 0.0 && pigment.rgb != DVec3::ZERO && (finish.diffuse != 0.0 || finish.diffuse_back != 0.0);
         let unseen = self.gathering.as_ref().is_some_and(|g| !g.sees_lights(place.ray.gather));
         if unseen || !shines && !scatters {
             return DVec3::ZERO;

@@ -1,7 +1,7 @@
 //! From sums to pictures and error estimates.
 
 use super::splat::DevelopedSplats;
-use super::{Film, SQUARE_ONE, SQUARES, SUM_ONE};
+use super::{Film, SQUARE_ONE, SQUARES, real};
 use crate::classic::WorkingSpace;
 use crate::image::Image;
 
@@ -33,8 +33,12 @@ impl Film {
                     let stride = self.layout.means.len();
                     let space = if index < 3 { self.spec().space } else { WorkingSpace::Linear };
                     let splat = |p: usize| splats.as_ref().map_or(0.0, |s| s.mean(p, index));
-                    let mean = |(p, d): (usize, &f64)| self.sums[p * stride + slot] as f64 / SUM_ONE * d + splat(p);
-                    divisors.iter().enumerate().map(|each| space.linear(mean(each)) as f32).collect()
+                    let mean = |(p, d): (usize, &f64)| real(self.sums[p * stride + slot]) * d + splat(p);
+                    if space == WorkingSpace::Linear {
+                        divisors.iter().enumerate().map(|each| mean(each) as f32).collect()
+                    } else {
+                        divisors.iter().enumerate().map(|each| space.linear(mean(each)) as f32).collect()
+                    }
                 }
                 None => {
                     let stride = self.layout.firsts.len();
@@ -60,15 +64,15 @@ impl Film {
     /// it can come near zero or below for a pixel of few samples; then the count, its expectation, is used.
     fn divisor(&self, pixel: usize) -> f64 {
         let count = f64::from(self.counts[pixel]);
-        let weight = self.weights[pixel] as f64 / SUM_ONE;
+        let weight = real(self.weights[pixel]);
         if count == 0.0 { 0.0 } else { 1.0 / if weight > 0.25 * count { weight } else { count } }
     }
 
     /// Unbiased estimate of the variance of a pixel's mean; slot 0 to 2 = R, G, B, 3 = luminance. Infinite with less than
-    /// two samples.
+    /// two samples, and without sums of squares.
     fn pixel_variance(&self, pixel: usize, slot: usize) -> f64 {
         let n = f64::from(self.counts[pixel]);
-        if n < 2.0 {
+        if n < 2.0 || !self.has_squares() {
             return f64::INFINITY;
         }
         let sum = if slot < 3 { self.sum(pixel, slot) } else { self.luminance_sum(pixel) };
@@ -77,7 +81,7 @@ impl Film {
     }
 
     fn sum(&self, pixel: usize, slot: usize) -> f64 {
-        self.sums[pixel * self.layout.means.len() + slot] as f64 / SUM_ONE
+        real(self.sums[pixel * self.layout.means.len() + slot])
     }
 
     fn luminance_sum(&self, pixel: usize) -> f64 {

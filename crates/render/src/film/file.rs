@@ -79,8 +79,11 @@ impl Film {
     /// Writes the film as a file's bytes; equal films give equal bytes.
     ///
     /// # Errors
-    /// Those of the writer.
+    /// Those of the writer; [`FilmError::Spec`] after [`Film::drop_squares`].
     pub fn write_to(&self, out: &mut (impl Write + ?Sized)) -> Result<(), FilmFileError> {
+        if !self.has_squares() {
+            return Err(FilmError::Spec("a film without sums of squares cannot be kept".into()).into());
+        }
         let header = Header {
             spec: self.spec().clone(),
             rect: self.rect,

@@ -60,7 +60,7 @@ pub struct Film {
     counters: FilmCounters,
     /// Σ weight·value, pixel by pixel, the mean channels side by side.
     sums: Vec<i128>,
-    /// Σ (weight·value)² of R, G, B and the luminance.
+    /// Σ (weight·value)² of R, G, B and the luminance; empty where they are not kept.
     squares: Vec<i128>,
     /// Σ weight.
     weights: Vec<i128>,
@@ -99,7 +99,22 @@ impl Film {
     /// # Errors
     /// [`FilmError::Outside`].
     pub fn new_tile(&self, rect: Rect) -> Result<Self, FilmError> {
-        Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() })
+        let mut tile = Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() })?;
+        if self.squares.is_empty() {
+            tile.drop_squares();
+        }
+        Ok(tile)
+    }
+
+    /// Keeps no sums of squares any more, which takes half of the memory and of the time of a sample: all variances are infinite, and
+    /// the film cannot be written to a file. For films of which nothing but the picture is wanted.
+    pub fn drop_squares(&mut self) {
+        self.squares = Vec::new();
+    }
+
+    /// Whether sums of squares are kept: false after [`Film::drop_squares`].
+    pub fn has_squares(&self) -> bool {
+        !self.squares.is_empty()
     }
 
     /// Empties the film and moves it to another rectangle of the same size, to be used again; false where that does not fit.
@@ -230,10 +245,11 @@ impl Film {
             }
         }
         let luminance = 0.212_671 * rgb[0] + 0.715_16 * rgb[1] + 0.072_169 * rgb[2];
-        let squares = &mut self.squares[pixel * SQUARES..][..SQUARES];
-        for (square, value) in squares.iter_mut().zip([rgb[0], rgb[1], rgb[2], luminance]) {
-            let value = limit(value, SQUARE_LIMIT, counters);
-            *square = square.wrapping_add(fixed(value * value, SQUARE_BITS));
+        if let Some(squares) = self.squares.get_mut(pixel * SQUARES..(pixel + 1) * SQUARES) {
+            for (square, value) in squares.iter_mut().zip([rgb[0], rgb[1], rgb[2], luminance]) {
+                let value = limit(value, SQUARE_LIMIT, counters);
+                *square = square.wrapping_add(fixed(value * value, SQUARE_BITS));
+            }
         }
         self.weights[pixel] = self.weights[pixel].wrapping_add(fixed(limit(weight, LIMIT, counters), SUM_BITS));
         self.counts[pixel] = self.counts[pixel].wrapping_add(1);
@@ -300,7 +316,9 @@ impl Film {
                     continue;
                 }
                 add_slices(&mut self.sums[a * means..], &other.sums[b * means..][..means]);
-                add_slices(&mut self.squares[a * SQUARES..], &other.squares[b * SQUARES..][..SQUARES]);
+                if !self.squares.is_empty() {
+                    add_slices(&mut self.squares[a * SQUARES..], &other.squares[b * SQUARES..][..SQUARES]);
+                }
                 self.weights[a] = self.weights[a].wrapping_add(other.weights[b]);
                 self.counts[a] = self.counts[a].wrapping_add(other.counts[b]);
             }
@@ -355,6 +373,9 @@ impl Film {
         }
         if m.renderer != n.renderer {
             return differ("renderer version", &m.renderer, &n.renderer);
+        }
+        if self.has_squares() && !other.has_squares() {
+            return differ("error estimate", &true, &false);
         }
         if !self.rect.contains_rect(&other.rect) {
             return Err(FilmError::Outside { inner: other.rect, outer: self.rect });
@@ -419,6 +440,14 @@ fn fixed(v: f64, bits: i32) -> i128 {
     };
     let sign = i128::from(pattern as i64 >> 63);
     (magnitude ^ sign) - sign
+}
+
+/// The number of a sum with [`SUM_BITS`]: `sum as f64 / SUM_ONE` to its last bit or next to it, without the call that it compiles to.
+#[inline]
+fn real(sum: i128) -> f64 {
+    let magnitude = sum.unsigned_abs();
+    let value = ((magnitude >> 64) as u64) as f64 + (magnitude as u64) as f64 / SUM_ONE;
+    if sum < 0 { -value } else { value }
 }
 
 #[inline]

@@ -5,8 +5,8 @@
 //! list; merging adds them to the sums of the whole film.
 
 use super::{
-    Film, FilmCounters, FilmSpec, LIMIT, Rect, SQUARE_BITS, SQUARE_LIMIT, SQUARE_ONE, SQUARES, SUM_BITS, SUM_ONE, add_slices,
-    finite_or_zero, fixed, limit,
+    Film, FilmCounters, FilmSpec, LIMIT, Rect, SQUARE_BITS, SQUARE_LIMIT, SQUARE_ONE, SQUARES, SUM_BITS, add_slices, finite_or_zero, fixed,
+    limit, real,
 };
 
 /// A splat as a tile keeps it. Its numbers are finite.
@@ -208,7 +208,7 @@ impl<'a> DevelopedSplats<'a> {
     }
 
     fn sum(&self, pixel: usize, slot: usize) -> f64 {
-        self.sums.sums[self.at(pixel) * self.film.layout.splats.len() + slot] as f64 / SUM_ONE
+        real(self.sums.sums[self.at(pixel) * self.film.layout.splats.len() + slot])
     }
 }
 

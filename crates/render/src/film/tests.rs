@@ -164,6 +164,43 @@ fn relative_error_predicts_the_true_one() {
     assert!((film.relative_error() / error.sqrt() - 1.0).abs() < 0.05, "{} {}", film.relative_error(), error.sqrt());
 }
 
+/// Nothing but the error estimate goes with the sums of squares.
+#[test]
+fn films_without_squares_have_the_same_picture() {
+    let spec = FilmSpec::new(8, 4);
+    let (mut whole, mut bare) = (Film::new(spec.clone()).unwrap(), Film::new(spec).unwrap());
+    bare.drop_squares();
+    for rect in [Rect::new(0, 0, 4, 4), Rect::new(4, 0, 8, 4)] {
+        for film in [&mut whole, &mut bare] {
+            let mut tile = film.new_tile(rect).unwrap();
+            assert_eq!(tile.has_squares(), film.has_squares());
+            for (x, y) in (0..16).map(|i| (rect.x0 + i % 4, i / 4)) {
+                for index in 0..3 {
+                    let v = unit_float(hash_words([u64::from(x), u64::from(y), u64::from(index)]) as u32) - 0.3;
+                    tile.add_sample(x, y, index, 1.0, &[v, 2.0 * v, -v, 1.0]);
+                }
+            }
+            tile.mark_held(rect, 0, 3).unwrap();
+            film.merge(&tile).unwrap();
+        }
+    }
+    assert_eq!(whole.develop(), bare.develop());
+    assert!(bare.variance().iter().all(|v| v.is_infinite()) && whole.variance().iter().all(|v| v.is_finite()));
+    assert!(bare.write_to(&mut Vec::new()).is_err());
+    let mut other = Film::new(whole.spec().clone()).unwrap();
+    assert!(matches!(other.merge(&bare), Err(FilmError::Mismatch { .. })), "a film that estimates its error takes none without");
+}
+
+#[test]
+fn numbers_of_sums_are_those_of_the_conversion() {
+    for i in 0..100_000u64 {
+        let w = hash_words([i]);
+        let sum = (i128::from(w as i64) << 40 | i128::from(hash_words([w]) >> 24)) >> (w % 90);
+        let (found, expected) = (real(sum), sum as f64 / SUM_ONE);
+        assert!((found - expected).abs() <= 3e-16 * expected.abs(), "{sum}: {found} {expected}");
+    }
+}
+
 #[test]
 fn fixed_point_is_the_truncated_product() {
     for i in 0..100_000u64 {

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::srgb_from_linear;
+use super::{linear_from_srgb, srgb_from_linear};
 use crate::math::fns;
 
 /// The curve that fits the range of the picture into that of the display.
@@ -58,6 +58,68 @@ impl ToneMap {
             ToneOperator::Aces => aces(x).map(srgb_from_linear),
             ToneOperator::Agx => agx(x),
         }
+    }
+}
+
+/// Eight bits of a display number in [0, 1].
+pub(super) fn code_u8(v: f32) -> u8 {
+    (v * 255.0 + 0.5) as u8
+}
+
+/// Cells of the table of [`Codes`].
+const CELLS: usize = 4096;
+
+/// Eight-bit codes through the operator [`ToneOperator::Standard`] without a power for each: the codes' lower ends are known.
+pub(super) struct Codes {
+    scale: f32,
+    /// The least value of each code; the last is never reached.
+    ends: [f32; 257],
+    /// The code at the lower end of each cell of [0, 1].
+    cells: Vec<u8>,
+}
+
+impl Codes {
+    /// For an exposure; `None` where the operator is another.
+    pub(super) fn new(tone: &ToneMap) -> Option<Self> {
+        if tone.operator != ToneOperator::Standard {
+            return None;
+        }
+        let mut ends = [f32::INFINITY; 257];
+        ends[0] = 0.0;
+        for (code, end) in ends.iter_mut().enumerate().take(256).skip(1) {
+            let is_below = |bits: u32| usize::from(code_u8(srgb_from_linear(f32::from_bits(bits)))) < code;
+            let guess = linear_from_srgb((code as f32 - 0.5) / 255.0);
+            let (mut lo, mut hi) = ((guess * 0.999_99).to_bits(), (guess * 1.000_01).to_bits());
+            if !is_below(lo) || is_below(hi) {
+                (lo, hi) = (0, 1.0f32.to_bits());
+            }
+            // `lo` is below, `hi` is not.
+            while hi - lo > 1 {
+                let middle = lo + (hi - lo) / 2;
+                if is_below(middle) { lo = middle } else { hi = middle }
+            }
+            *end = f32::from_bits(hi);
+        }
+        let mut code = 0;
+        let cells = (0..=CELLS).map(|i| {
+            while ends[code + 1] <= i as f32 / CELLS as f32 {
+                code += 1;
+            }
+            code as u8
+        });
+        let cells = cells.collect();
+        Some(Self { scale: fns::exp2(tone.exposure), ends, cells })
+    }
+
+    /// The code of a linear value; that of [`ToneMap::apply`].
+    #[inline]
+    pub(super) fn code(&self, v: f32) -> u8 {
+        let x = if v > 0.0 { (v * self.scale).min(1.0) } else { 0.0 };
+        let mut code = self.cells[(x * CELLS as f32) as usize];
+        while x >= self.ends[usize::from(code) + 1] {
+            code += 1;
+        }
+        code
     }
 }
 
@@ -124,6 +186,23 @@ mod tests {
             assert!(previous > 0.97, "{tone:?}: bright gives {previous}");
             assert_eq!(tone.apply([f32::NAN, f32::INFINITY, -1.0]).map(f32::is_nan), [false; 3]);
         }
+    }
+
+    #[test]
+    fn codes_are_those_of_the_curve() {
+        for exposure in [0.0, -1.3, 2.0] {
+            let tone = ToneMap { exposure, ..ToneMap::default() };
+            let codes = Codes::new(&tone).unwrap();
+            let specials = [f32::NAN, f32::INFINITY, -1.0, 0.0, -0.0, 1.0, 5.0, f32::MIN_POSITIVE, 1e-40];
+            for v in (0..200_000).map(|i| i as f32 * 6e-6).chain(specials) {
+                assert_eq!(codes.code(v), code_u8(tone.apply([v; 3])[0]), "{v} at {exposure}");
+            }
+            for v in codes.ends.iter().take(256).flat_map(|&v| [v.next_down(), v, v.next_up()]) {
+                let v = v / codes.scale;
+                assert!(codes.code(v).abs_diff(code_u8(tone.apply([v; 3])[0])) == 0, "{v} at {exposure}");
+            }
+        }
+        assert!(Codes::new(&ToneMap { operator: ToneOperator::Agx, exposure: 0.0 }).is_none());
     }
 
     #[test]

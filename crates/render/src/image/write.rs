@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::atomic::write_atomically;
 use super::exr_write::{ExrOptions, write_exr};
-use super::tonemap::ToneMap;
+use super::tonemap::{Codes, ToneMap, code_u8};
 use super::{Image, ImageError};
 
 /// A format that can be written.
@@ -88,7 +88,7 @@ impl Image {
         match format {
             FileFormat::Png => self.write_png(out, &rgb, options),
             FileFormat::Jpeg => {
-                let codes: Vec<u8> = rgb.iter().flat_map(|&p| options.tone.apply(p)).map(code_u8).collect();
+                let codes = codes(&rgb, &options.tone);
                 let quality = options.jpeg_quality.clamp(1, 100);
                 let encoder = JpegEncoder::new_with_quality(out, quality);
                 encoder.write_image(&codes, self.width, self.height, ExtendedColorType::Rgb8).map_err(encode_error)
@@ -110,6 +110,10 @@ impl Image {
 
     fn write_png(&self, out: &mut (impl Write + ?Sized), rgb: &[[f32; 3]], options: &WriteOptions) -> Result<(), ImageError> {
         let alpha = self.channel("A").filter(|_| options.alpha);
+        if alpha.is_none() && !options.sixteen_bit {
+            let bytes = codes(rgb, &options.tone);
+            return PngEncoder::new(out).write_image(&bytes, self.width, self.height, ExtendedColorType::Rgb8).map_err(encode_error);
+        }
         let mut values = Vec::with_capacity(rgb.len() * 4);
         for (i, &pixel) in rgb.iter().enumerate() {
             match alpha {
@@ -123,8 +127,7 @@ impl Image {
             }
         }
         let (bytes, color): (Vec<u8>, _) = match (options.sixteen_bit, alpha.is_some()) {
-            (false, false) => (values.into_iter().map(code_u8).collect(), ExtendedColorType::Rgb8),
-            (false, true) => (values.into_iter().map(code_u8).collect(), ExtendedColorType::Rgba8),
+            (false, _) => (values.into_iter().map(code_u8).collect(), ExtendedColorType::Rgba8),
             (true, false) => (values.into_iter().flat_map(code_u16).collect(), ExtendedColorType::Rgb16),
             (true, true) => (values.into_iter().flat_map(code_u16).collect(), ExtendedColorType::Rgba16),
         };
@@ -139,8 +142,12 @@ fn encode_error(e: image::ImageError) -> ImageError {
     }
 }
 
-fn code_u8(v: f32) -> u8 {
-    (v * 255.0 + 0.5) as u8
+/// Tone mapped colors with eight bits a channel.
+fn codes(rgb: &[[f32; 3]], tone: &ToneMap) -> Vec<u8> {
+    match Codes::new(tone) {
+        Some(codes) => rgb.as_flattened().iter().map(|&v| codes.code(v)).collect(),
+        None => rgb.iter().flat_map(|&p| tone.apply(p)).map(code_u8).collect(),
+    }
 }
 
 /// In the byte order of this machine, as the encoder wants it.

@@ -58,6 +58,7 @@ use etendue_scene::RenderSettings;
 use etendue_scene::desc::IntegratorDesc;
 
 use crate::camera::CameraRay;
+use crate::classic::WorkingSpace;
 use crate::light::LightContext;
 use crate::math::{Vec2, Vec3};
 use crate::sampler::SampleStream;
@@ -119,17 +120,27 @@ pub struct Estimate {
     pub splats: Vec<Splat>,
     /// Asks for the texture coordinates of what the camera sees first; integrators to which they come free ignore it.
     pub wants_uv: bool,
+    /// Asks for the radiance in the numbers of a classic scene's working space; others know linear light only and ignore it.
+    pub wants_own: bool,
+    /// The radiance (but not that of groups) is in such numbers.
+    pub is_own: bool,
 }
 
 impl Estimate {
     /// Empties the estimate for the next sample.
     pub fn reset(&mut self, groups: usize) {
         self.radiance = Spectrum::ZERO;
+        self.is_own = false;
         self.alpha = 0.0;
         self.first = None;
         self.splats.clear();
         self.groups.clear();
         self.groups.resize(groups, Spectrum::ZERO);
+    }
+
+    /// The space of the radiance, for a scene's working space.
+    pub fn space(&self, own: WorkingSpace) -> WorkingSpace {
+        if self.is_own { own } else { WorkingSpace::Linear }
     }
 
     /// Adds radiance that a light of a group has sent.
@@ -204,6 +215,11 @@ pub trait Integrator: Send + Sync {
     /// methods that draw whole pictures.
     fn shares_camera_samples(&self) -> bool {
         false
+    }
+
+    /// Whether [`Self::estimate`] looks at the camera's ray: methods that make their own of the point of the picture do not need it.
+    fn uses_camera_rays(&self, _scene: &Scene) -> bool {
+        true
     }
 
     /// Whether estimates hold light for other pixels.

@@ -43,6 +43,10 @@ impl Integrator for Whitted {
         Ok(())
     }
 
+    fn uses_camera_rays(&self, scene: &Scene) -> bool {
+        scene.classic.is_none()
+    }
+
     fn notes(&self) -> Vec<String> {
         let note = "media absorb and glow, but the light that they scatter is missing: `whitted` cannot compute it, `path` can";
         if self.has_scattering { vec![note.to_owned()] } else { Vec::new() }

@@ -7,11 +7,11 @@ use rayon::prelude::*;
 use super::form_factor::{PairRandom, point_of, quarter};
 use super::mesh::{MAX_LEVEL, Mesh, Node};
 use crate::accel::Ray;
-use crate::light::{Light, LightContext};
+use crate::light::{Light, LightContext, LightSample};
 use crate::math::Frame;
 use crate::math::warp;
-use crate::scene::Scene;
 use crate::scene::surface::offset;
+use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
 /// More lights than this are chosen among at each point.
@@ -24,6 +24,8 @@ const POINTS: u32 = 16;
 /// even must not be those that light it, or places that few points find would be too dark.
 const LIGHT: u32 = 0xd1_4ec7;
 const EDGES: u32 = 0xed_6e55;
+/// More lights without a size than this are not looked for anew at each point that is looked up.
+const MOST_EXACT: usize = 8;
 /// Shadow rays end this much (relative) before a light.
 const SHADOW_END: f32 = 1.0 - 1e-4;
 
@@ -33,6 +35,8 @@ pub struct DirectLights {
     lights: Vec<u32>,
     /// Lights that give no noise: their direct light is looked at for shadow edges.
     has_delta: bool,
+    /// Lights without a size, where they are few: see [`DirectLights::exact`].
+    exact: Vec<u32>,
     seed: u64,
 }
 
@@ -68,13 +72,23 @@ fn sky(scene: &Scene, light: &Light, ctx: &LightContext, random: PairRandom, bas
     sum
 }
 
+/// The share of a light's sample that passes to a point.
+fn passing(scene: &Scene, o: Vec3, sample: &LightSample) -> f32 {
+    let ray = if sample.dist.is_finite() { Ray { o, d: sample.p - o, t_min: 0.0, t_max: SHADOW_END } } else { Ray::new(o, sample.wi) };
+    super::form_factor::passes(scene, ray)
+}
+
 impl DirectLights {
     /// The lights of a scene that are no surfaces.
     pub fn new(scene: &Scene, seed: u64) -> Self {
         let lights: Vec<u32> = (0..scene.lights.len() as u32).filter(|&i| !matches!(scene.lights[i as usize], Light::Area(_))).collect();
         let is_sharp = |l: &u32| matches!(scene.lights[*l as usize], Light::Sun(_)) || scene.lights[*l as usize].is_delta();
         let has_delta = lights.iter().any(is_sharp);
-        Self { lights, has_delta, seed }
+        let mut exact: Vec<u32> = lights.iter().copied().filter(|&l| scene.lights[l as usize].is_delta()).collect();
+        if exact.len() > MOST_EXACT {
+            exact.clear();
+        }
+        Self { lights, has_delta, exact, seed }
     }
 
     /// Whether there is none.
@@ -104,10 +118,7 @@ impl DirectLights {
             if cos <= 0.0 {
                 continue;
             }
-            let o = offset(p, n);
-            let ray =
-                if sample.dist.is_finite() { Ray { o, d: sample.p - o, t_min: 0.0, t_max: SHADOW_END } } else { Ray::new(o, sample.wi) };
-            let share = super::form_factor::passes(scene, ray);
+            let share = passing(scene, offset(p, n), &sample);
             if share > 0.0 {
                 let e = sample.radiance * (cos * share * weight / sample.pdf);
                 if e.is_finite() {
@@ -139,13 +150,49 @@ impl DirectLights {
 
     /// Mean direct irradiance of the given nodes, W·m⁻².
     pub fn irradiance(&self, scene: &Scene, mesh: &Mesh, nodes: &[u32]) -> Vec<Spectrum> {
-        if self.is_empty() {
+        self.irradiance_by(scene, mesh, nodes, self.is_empty(), |_| true)
+    }
+
+    /// The part of [`DirectLights::irradiance`] that [`DirectLights::exact`] finds at single points: the same samples of these lights.
+    pub fn irradiance_of_exact(&self, scene: &Scene, mesh: &Mesh, nodes: &[u32]) -> Vec<Spectrum> {
+        self.irradiance_by(scene, mesh, nodes, self.exact.is_empty(), Light::is_delta)
+    }
+
+    /// Irradiance at a surface point, on the side of its shading normal, from the lights without a size. Their shadows have edges that no
+    /// mesh follows, and one ray finds them. Zero where there are too many.
+    pub fn exact(&self, scene: &Scene, s: &Surface) -> Spectrum {
+        let n = s.frame.n;
+        let ng = if s.ng.dot(n) < 0.0 { -s.ng } else { s.ng };
+        let ctx = LightContext { p: s.p, n };
+        let mut sum = Spectrum::ZERO;
+        for &l in &self.exact {
+            let Some(sample) = scene.lights[l as usize].sample(&ctx, Vec2::splat(0.5)) else { continue };
+            let cos = n.dot(sample.wi);
+            if cos > 0.0 && ng.dot(sample.wi) > 0.0 {
+                let e = sample.radiance * (cos * passing(scene, offset(s.p, ng), &sample) / sample.pdf);
+                if e.is_finite() {
+                    sum += e.map(|v| v.min(1e18));
+                }
+            }
+        }
+        sum
+    }
+
+    fn irradiance_by(
+        &self,
+        scene: &Scene,
+        mesh: &Mesh,
+        nodes: &[u32],
+        is_none: bool,
+        wants: impl Fn(&Light) -> bool + Sync,
+    ) -> Vec<Spectrum> {
+        if is_none {
             return vec![Spectrum::ZERO; nodes.len()];
         }
         nodes
             .par_iter()
             .map(|&i| {
-                let q = self.quarters(scene, mesh, i, POINTS / 4, LIGHT, |_| true);
+                let q = self.quarters(scene, mesh, i, POINTS / 4, LIGHT, &wants);
                 (q[0] + q[1] + q[2] + q[3]) * 0.25
             })
             .collect()

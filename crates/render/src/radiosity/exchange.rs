@@ -22,12 +22,18 @@ pub struct Solved {
     pub mesh: Mesh,
     /// Irradiance of the leaves from lights that are no surfaces, by node, W·m⁻².
     pub direct: Vec<Spectrum>,
+    /// The part of it that comes from lights without a size, where few enough of them are there to be found anew at each point that is
+    /// looked up; else empty.
+    pub exact: Vec<Spectrum>,
     /// Irradiance of the leaves, direct light included, by node, W·m⁻².
     pub irradiance: Vec<Spectrum>,
     /// Radiosity of all nodes, W·m⁻².
     pub radiosity: Vec<Spectrum>,
-    /// Leaves that lie inside of other bodies, by node: no one sees their light. Empty before the [`super::local`] pass.
-    pub buried: Vec<bool>,
+    /// The share of leaves that does not lie inside of other bodies, where no one sees their light; by node. Empty before the
+    /// [`super::local`] pass.
+    pub outside: Vec<f32>,
+    /// Standard deviation of one look of the [`super::local`] pass, W·m⁻², by node of leaves; empty before it.
+    pub deviation: Vec<f32>,
     /// Sum of form factors of each leaf, by node; 1 in a closed room. Empty where the solver does not know it.
     pub row_sums: Vec<f32>,
     /// Mean of |Aᵢ Fᵢⱼ − Aⱼ Fⱼᵢ| over the mean of Aᵢ Fᵢⱼ; `None` where the solver has not both.
@@ -46,11 +52,16 @@ impl Solved {
             self.irradiance.push(self.irradiance[parent]);
             self.direct.push(self.direct[parent]);
             self.radiosity.push(node.emission + node.reflectance * self.irradiance[parent]);
+            if let Some(&e) = self.exact.get(parent) {
+                self.exact.push(e);
+            }
             if let Some(&sum) = self.row_sums.get(parent) {
                 self.row_sums.push(sum);
             }
-            if let Some(&is_buried) = self.buried.get(parent) {
-                self.buried.push(is_buried);
+            for values in [&mut self.outside, &mut self.deviation] {
+                if let Some(&v) = values.get(parent) {
+                    values.push(v);
+                }
             }
         }
         first

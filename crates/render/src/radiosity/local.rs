@@ -27,23 +27,30 @@ use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
 /// Rays of all elements together in the last round where the user gives no number for each.
-const ALL_RAYS: usize = 8_000_000;
+const ALL_RAYS: usize = 14_000_000;
 /// Fewest and most rays of an element.
-const RAYS: (u32, u32) = (16, 512);
+const RAYS: (u32, u32) = (16, 1024);
 /// What the rays of the last round are divided by in each round before it. The first ones subdivide; those after them only let the light
 /// go on bouncing, for which few rays are enough: the noise of one element is one of very many in what others see.
-const FIRST_ROUNDS: [u32; 8] = [4, 4, 4, 16, 16, 16, 16, 16];
+const FIRST_ROUNDS: [u32; 8] = [6, 6, 6, 6, 24, 24, 24, 24];
 /// Rounds that subdivide.
-const SUBDIVIDING: usize = 3;
-/// The rays of an element over those of one of the mean area, at least and at most. Otherwise they go by area, so that a large element, which is
-/// all that is seen in some place, has no more noise than many small ones.
+const SUBDIVIDING: usize = 4;
+/// The rays of an element over those of one of the mean area in all rounds but the last, at least and at most.
 const BY_AREA: (f32, f32) = (0.25, 16.0);
+/// The deviation of one look over the irradiance that rays of the last round go by, at least and at most.
+const NOISE: (f32, f32) = (0.2, 20.0);
+/// Rays of an element in the last round over the mean, at most. Few large elements may be all that is seen of a dark place.
+const MOST_BY_NOISE: u32 = 1024;
+/// How far the values at an element's corners are apart by noise alone, over the noise of the element: the range of three values that are
+/// means of about six elements each, times two.
+const SEEN_NOISE: f32 = 1.5;
 /// Panes and holes on the way of a ray.
 const MAX_CROSSINGS: u32 = 64;
 /// Shadow rays end this much (relative) before a light.
 const SHADOW_END: f32 = 1.0 - 1e-4;
-/// What is darker than this share of the mean is judged by it.
-const DARK: f32 = 0.1;
+/// What is darker than this share of the light in a typical place is judged by it: when elements are subdivided, and when rays are shared out.
+const DARK: f32 = 0.05;
+const DARK_TO_RAYS: f32 = 0.02;
 
 /// Settings of the pass.
 #[derive(Clone, Copy, Debug)]
@@ -63,66 +70,126 @@ pub fn refine(scene: &Scene, lights: &DirectLights, solved: &mut Solved, options
     }
     let rays_of = |count: usize| options.rays.unwrap_or_else(|| ((ALL_RAYS / count.max(1)) as u32).clamp(RAYS.0, RAYS.1));
     for (round, share) in FIRST_ROUNDS.into_iter().enumerate() {
-        let rays = (rays_of(solved.mesh.leaf_count()) / share).max(1);
-        gather(scene, solved, rays, options.seed.wrapping_add(round as u64), progress, round);
+        let leaves = solved.mesh.leaves();
+        let rays = (rays_of(leaves.len()) / share).max(1);
+        let counts = by_area(solved, &leaves, rays);
+        gather(scene, solved, &leaves, &counts, options.seed.wrapping_add(round as u64), progress, round);
         if round >= SUBDIVIDING {
             continue;
         }
         let first = solved.mesh.nodes.len() as u32;
-        subdivide(scene, solved, options.elements);
+        subdivide(scene, solved, options.elements, rays);
         let new: Vec<u32> = solved.mesh.leaves().into_iter().filter(|&i| i >= first).collect();
         for (&i, d) in new.iter().zip(lights.irradiance(scene, &solved.mesh, &new)) {
             solved.direct[i as usize] = d;
         }
     }
-    let rays = rays_of(solved.mesh.leaf_count());
-    gather(scene, solved, rays, options.seed.wrapping_add(FIRST_ROUNDS.len() as u64), progress, FIRST_ROUNDS.len());
-    Some(format!("local pass: {} elements look around with {rays} rays where they have the mean area", solved.mesh.leaf_count()))
+    let leaves = solved.mesh.leaves();
+    let rays = rays_of(leaves.len());
+    let counts = by_noise(solved, &leaves, rays);
+    gather(scene, solved, &leaves, &counts, options.seed.wrapping_add(FIRST_ROUNDS.len() as u64), progress, FIRST_ROUNDS.len());
+    Some(format!("local pass: {} elements look around with {rays} rays in the mean", leaves.len()))
 }
 
-/// One round: the irradiance of all elements from the radiosity of all.
-fn gather(scene: &Scene, solved: &mut Solved, rays: u32, seed: u64, progress: &Progress, round: usize) {
-    let leaves = solved.mesh.leaves();
-    let sampler = Sampler { kind: SamplerKind::Sobol, seed: seed ^ 0x10ca_19a5, spp: rays };
-    let mean_area = solved.mesh.area / leaves.len().max(1) as f32;
+/// One round: the irradiance of all elements from the radiosity of all; `counts` are the rays of each of the leaves.
+fn gather(scene: &Scene, solved: &mut Solved, leaves: &[u32], counts: &[u32], seed: u64, progress: &Progress, round: usize) {
+    let sampler = Sampler { kind: SamplerKind::Sobol, seed: seed ^ 0x10ca_19a5, spp: counts.iter().copied().max().unwrap_or(1) };
     let done = std::sync::atomic::AtomicUsize::new(0);
-    // `None` for what a cancelled round has not reached, `Some(None)` for what lies inside of other bodies.
-    let found: Vec<Option<Option<Spectrum>>> = leaves
+    // `None` for what a cancelled round has not reached.
+    let found: Vec<Option<Found>> = leaves
         .par_iter()
-        .map(|&leaf| {
+        .zip(counts)
+        .map(|(&leaf, &rays)| {
             let k = done.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
             if k.is_multiple_of(1024) {
                 progress.tell("local pass", (round as f64 + k as f64 / leaves.len() as f64) / (FIRST_ROUNDS.len() + 1) as f64);
             }
-            (!progress.is_cancelled()).then(|| {
-                let (mut sum, mut count) = (Spectrum::ZERO, 0u32);
-                let by_area = (solved.mesh.nodes[leaf as usize].area / mean_area).clamp(BY_AREA.0, BY_AREA.1);
-                let rays = ((rays as f32 * by_area) as u32).max(1);
-                for index in 0..rays {
-                    let Some(e) = look(scene, solved, leaf, &mut sampler.stream(leaf, 0, index)) else { continue };
-                    count += 1;
-                    if e.is_finite() {
-                        // Sums over a scene must not overflow.
-                        sum += e.map(|v| v.min(1e18));
-                    }
-                }
-                // Lights that are no surfaces reach the part that is not inside of other bodies.
-                (count > 0).then(|| solved.direct[leaf as usize] * (rays as f32 / count as f32) + sum / count as f32)
-            })
+            (!progress.is_cancelled()).then(|| look_around(scene, solved, leaf, rays, &sampler))
         })
         .collect();
-    solved.buried.resize(solved.mesh.nodes.len(), false);
-    for (&leaf, h) in leaves.iter().zip(found) {
-        let Some(h) = h else { continue };
+    let is_first = solved.outside.is_empty();
+    solved.outside.resize(solved.mesh.nodes.len(), 1.0);
+    solved.deviation.resize(solved.mesh.nodes.len(), 0.0);
+    for (&leaf, found) in leaves.iter().zip(found) {
+        let Some(found) = found else { continue };
         let i = leaf as usize;
-        solved.buried[i] = h.is_none();
-        let h = h.unwrap_or_default();
+        solved.outside[i] = found.outside;
+        // What few rays find of their own spread is uncertain: rounds are averaged.
+        solved.deviation[i] = if is_first { found.deviation } else { 0.5 * (solved.deviation[i] + found.deviation) };
         let node = &solved.mesh.nodes[i];
-        solved.irradiance[i] = h;
-        solved.radiosity[i] = node.emission + node.reflectance * h;
+        solved.irradiance[i] = found.irradiance;
+        solved.radiosity[i] = node.emission + node.reflectance * found.irradiance;
     }
     let Solved { mesh, radiosity, .. } = solved;
     mesh.pull(radiosity);
+}
+
+/// What an element has seen.
+struct Found {
+    irradiance: Spectrum,
+    /// Standard deviation of one look.
+    deviation: f32,
+    /// The share of the element that does not lie inside of other bodies.
+    outside: f32,
+}
+
+/// An element's irradiance from a number of looks.
+fn look_around(scene: &Scene, solved: &Solved, leaf: u32, rays: u32, sampler: &Sampler) -> Found {
+    let (mut sum, mut square, mut count) = (Spectrum::ZERO, 0.0f64, 0u32);
+    for index in 0..rays {
+        let Some(e) = look(scene, solved, leaf, &mut sampler.stream(leaf, 0, index)) else { continue };
+        count += 1;
+        if e.is_finite() {
+            // Sums over a scene must not overflow.
+            let e = e.map(|v| v.min(1e18));
+            sum += e;
+            square += f64::from(e.average()) * f64::from(e.average());
+        }
+    }
+    if count == 0 {
+        return Found { irradiance: Spectrum::ZERO, deviation: 0.0, outside: 0.0 };
+    }
+    let mean = sum / count as f32;
+    let variance = (square / f64::from(count) - f64::from(mean.average()) * f64::from(mean.average())).max(0.0);
+    // Lights that are no surfaces reach the part that is not inside of other bodies.
+    let irradiance = solved.direct[leaf as usize] * (rays as f32 / count as f32) + mean;
+    Found { irradiance, deviation: variance.sqrt() as f32, outside: count as f32 / rays as f32 }
+}
+
+/// Rays of each of the leaves by their area, `mean` for one of the mean area: so a large element, which is all that is seen in some
+/// place, has no more noise than many small ones.
+fn by_area(solved: &Solved, leaves: &[u32], mean: u32) -> Vec<u32> {
+    let mean_area = solved.mesh.area / leaves.len().max(1) as f32;
+    let share = |&i: &u32| (solved.mesh.nodes[i as usize].area / mean_area).clamp(BY_AREA.0, BY_AREA.1);
+    leaves.iter().map(|i| ((mean as f32 * share(i)) as u32).max(1)).collect()
+}
+
+/// Rays of each of the leaves, `mean` in the mean, such that the relative noise of the mean over a place is least for the rays of all: in
+/// proportion to area × deviation / irradiance (Neyman 1934, doi:10.2307/2342192, for strata that are weighted by area).
+fn by_noise(solved: &Solved, leaves: &[u32], mean: u32) -> Vec<u32> {
+    let reference = typical(solved, leaves);
+    let want = |&i: &u32| {
+        let (i, h) = (i as usize, solved.irradiance[i as usize].average());
+        let size = (h + DARK_TO_RAYS * reference).max(1e-30);
+        if solved.outside[i] > 0.0 { solved.mesh.nodes[i].area * (solved.deviation[i] / size).clamp(NOISE.0, NOISE.1) } else { 0.0 }
+    };
+    let sum: f64 = leaves.iter().map(|i| f64::from(want(i))).sum();
+    let scale = if sum > 0.0 { f64::from(mean) * leaves.len() as f64 / sum } else { 0.0 };
+    let least = (mean / 8).max(1);
+    leaves.iter().map(|i| ((f64::from(want(i)) * scale) as u32).clamp(least, mean.saturating_mul(MOST_BY_NOISE))).collect()
+}
+
+/// The irradiance of a typical place: the square of the mean root, as a bright place of small area must not make all others count as dark.
+fn typical(solved: &Solved, leaves: &[u32]) -> f32 {
+    let (mut sum, mut area) = (0.0f64, 0.0f64);
+    for &i in leaves {
+        let (h, a) = (f64::from(solved.irradiance[i as usize].average()), f64::from(solved.mesh.nodes[i as usize].area));
+        if h > 0.0 {
+            sum += h.sqrt() * a;
+            area += a;
+        }
+    }
+    if area > 0.0 { (sum / area * (sum / area)) as f32 } else { 0.0 }
 }
 
 /// One estimate of an element's irradiance: a point of it, a light and a direction, weighted against each other (Veach 1997, chapter 9).
@@ -225,32 +292,26 @@ fn share_through(scene: &Scene, s: &Surface, wo: Vec3) -> f32 {
     if may_pass(scene, material) { passing_share(&material.shade(scene, s, wo), wo) } else { 0.0 }
 }
 
-/// Subdivides the elements over which irradiance varies most, weighted by the root of their area, as long as there may be more: those
-/// of the upper quarter of what is allowed each time.
-fn subdivide(scene: &Scene, solved: &mut Solved, limit: usize) {
+/// Subdivides the elements over which irradiance varies most beyond the noise of `rays` rays, weighted by the root of their area, as long
+/// as there may be more. An element of which a part lies inside of another body varies as much as any can: its light ends within it.
+fn subdivide(scene: &Scene, solved: &mut Solved, limit: usize, rays: u32) {
     let room = limit.saturating_sub(solved.mesh.leaf_count()) / 3;
     if room == 0 {
         return;
     }
-    let smooth = Smooth::new(scene, solved);
+    let smooth = Smooth::new(scene, solved, 0);
     let leaves = solved.mesh.leaves();
-    let (mut sum, mut area) = (0.0f64, 0.0f64);
-    for &i in &leaves {
-        let (h, a) = (f64::from(solved.irradiance[i as usize].average()), f64::from(solved.mesh.nodes[i as usize].area));
-        if h > 0.0 {
-            sum += h.sqrt() * a;
-            area += a;
-        }
-    }
-    // The square of the mean root: a bright place of small area must not make all others count as dark.
-    let reference = if area > 0.0 { (sum / area * (sum / area)) as f32 } else { 0.0 };
+    let reference = typical(solved, &leaves);
+    let noise = SEEN_NOISE / (rays as f32).sqrt();
     let mut scores: Vec<(f32, u32)> = leaves
         .par_iter()
         .filter(|&&i| solved.mesh.nodes[i as usize].level < MAX_LEVEL)
         .map(|&i| {
             let (lo, hi) = smooth.range(i);
-            let score = (hi - lo) / (0.5 * (hi + lo) + DARK * reference).max(1e-30) * solved.mesh.nodes[i as usize].area.sqrt();
-            (score, i)
+            let varies = (hi - lo - noise * solved.deviation[i as usize]) / (0.5 * (hi + lo) + DARK * reference).max(1e-30);
+            let outside = solved.outside[i as usize];
+            let varies = if outside > 0.0 && outside < 1.0 { 2.0 } else { varies };
+            (varies * solved.mesh.nodes[i as usize].area.sqrt(), i)
         })
         .filter(|(score, _)| *score > 0.0)
         .collect();

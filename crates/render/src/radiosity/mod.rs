@@ -132,7 +132,7 @@ impl Default for Settings {
 /// Elements that the local pass subdivides to where a solver has fewer.
 pub const LOCAL_ELEMENTS: usize = 60_000;
 /// Elements of the local pass for each element that `matrix` and `progressive` may have.
-pub const LOCAL_PARTS: usize = 10;
+pub const LOCAL_PARTS: usize = 20;
 /// Error of links where the user gives none.
 pub const DEFAULT_ERROR: f32 = 2e-3;
 /// Most elements of the hierarchical method.
@@ -282,6 +282,7 @@ pub struct Solution {
     /// The mesh with its light.
     pub solved: Solved,
     smooth: Smooth,
+    lights: DirectLights,
     display: Display,
     /// Sentences for the user.
     pub notes: Vec<String>,
@@ -317,8 +318,26 @@ pub fn solve(scene: &Scene, settings: &Settings, display: Display, progress: &Pr
     let options = local::Options { rays: settings.rays, elements, seed };
     notes.extend(local::refine(scene, &lights, &mut solved, &options, progress));
     notes.extend(report::of_solution(&solved));
-    let smooth = Smooth::new(scene, &mut solved);
-    Ok(Solution { solved, smooth, display, notes })
+    let smooth = interpolated(scene, &lights, &mut solved);
+    Ok(Solution { solved, smooth, lights, display, notes })
+}
+
+/// What is linear between vertices: all light but that of lights without a size, which is found anew at each point.
+fn interpolated(scene: &Scene, lights: &DirectLights, solved: &mut Solved) -> Smooth {
+    let leaves = solved.mesh.leaves();
+    solved.exact = vec![Spectrum::ZERO; solved.mesh.nodes.len()];
+    for (&i, e) in leaves.iter().zip(lights.irradiance_of_exact(scene, &solved.mesh, &leaves)) {
+        // As the local pass counts it.
+        let outside = solved.outside.get(i as usize).copied().unwrap_or(1.0);
+        solved.exact[i as usize] = if outside > 0.0 { e / outside } else { Spectrum::ZERO };
+    }
+    let exchange = |solved: &mut Solved, sign: f32| {
+        solved.irradiance.iter_mut().zip(&solved.exact).for_each(|(h, e)| *h = (*h + *e * sign).map(|v| v.max(0.0)));
+    };
+    exchange(solved, -1.0);
+    let smooth = Smooth::new(scene, solved, reconstruct::CORRECTIONS);
+    exchange(solved, 1.0);
+    smooth
 }
 
 impl Solution {
@@ -339,7 +358,7 @@ impl SurfaceLight for Solution {
     fn irradiance(&self, scene: &Scene, surface: &Surface) -> Spectrum {
         let Some((leaf, b)) = self.element(scene, surface) else { return Spectrum::ZERO };
         match self.display {
-            Display::Smooth => self.smooth.at(leaf, b),
+            Display::Smooth => self.smooth.at(leaf, b) + self.lights.exact(scene, surface),
             _ if self.is_edge(b) => Spectrum::ZERO,
             _ => self.solved.irradiance[leaf as usize],
         }

@@ -57,7 +57,8 @@ impl Sampler {
     #[inline]
     pub fn stream(&self, x: u32, y: u32, index: u32) -> SampleStream {
         let pixel = hash_words([self.seed, u64::from(x) << 32 | u64::from(y)]);
-        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel: [pixel as u32, (pixel >> 32) as u32], index, dimension: 0 }
+        let pixel = [pixel as u32, (pixel >> 32) as u32];
+        SampleStream { kind: self.kind, spp: self.spp, at: [x, y], pixel, index, reversed_index: index.reverse_bits(), dimension: 0 }
     }
 }
 
@@ -69,6 +70,7 @@ pub struct SampleStream {
     at: [u32; 2],
     pixel: [u32; 2],
     index: u32,
+    reversed_index: u32,
     dimension: u32,
 }
 
@@ -128,7 +130,7 @@ impl SampleStream {
     pub fn next_1d(&mut self) -> f32 {
         let [a, b] = self.dimension_hash();
         let v = match self.kind {
-            SamplerKind::Sobol => sobol::sample_1d(self.index, a, b),
+            SamplerKind::Sobol => sobol::sample_1d(self.reversed_index, a, b),
             SamplerKind::Independent => unit_float(mix32(a ^ mix32(b ^ self.index))),
             SamplerKind::Stratified => stratified::sample_1d(self.index, self.spp, a),
             SamplerKind::Halton => halton::sample(self.index, self.dimension, a),
@@ -145,12 +147,30 @@ impl SampleStream {
         independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
+    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which either
+    /// all are taken or none, so that their order need not be shuffled.
+    #[inline]
+    pub fn next_grid_2d(&mut self, n: u32) -> Vec2 {
+        let n = n.max(1);
+        let cell = self.index % n.saturating_mul(n);
+        let inner = self.next_independent_2d();
+        let at = (Vec2::new((cell % n) as f32, (cell / n) as f32) + inner) / n as f32;
+        at.min(Vec2::splat(ONE_MINUS_EPSILON))
+    }
+
+    /// Passes over a pair, so that the numbers that follow are the same as after [`SampleStream::next_2d`]; returns zeros.
+    #[inline]
+    pub fn skip_2d(&mut self) -> Vec2 {
+        self.dimension += 2;
+        Vec2::ZERO
+    }
+
     /// The next pair, well distributed as a pair.
     #[inline]
     pub fn next_2d(&mut self) -> Vec2 {
         let [a, b] = self.dimension_hash();
         let v = match self.kind {
-            SamplerKind::Sobol => sobol::sample_2d(self.index, a, b),
+            SamplerKind::Sobol => sobol::sample_2d(self.reversed_index, a, b),
             SamplerKind::Independent => independent_2d(a, b, self.index),
             SamplerKind::Stratified => stratified::sample_2d(self.index, self.spp, a),
             SamplerKind::Halton => {
@@ -232,6 +252,21 @@ mod tests {
                 assert!(!std::mem::replace(&mut seen[(u * spp as f32) as usize], true), "{spp}");
             }
         }
+    }
+
+    #[test]
+    fn grids_have_a_sample_in_each_cell() {
+        let sampler = Sampler { kind: SamplerKind::Stratified, seed: 1, spp: 9 };
+        let mut seen = [false; 9];
+        for i in 0..9 {
+            let mut stream = sampler.stream(5, 3, i);
+            let u = stream.next_grid_2d(3);
+            let mut after = sampler.stream(5, 3, i);
+            after.skip_2d();
+            assert_eq!(stream.next_1d(), after.next_1d(), "what follows does not depend on it");
+            assert!(!std::mem::replace(&mut seen[(u.x * 3.0) as usize + 3 * (u.y * 3.0) as usize], true), "{u}");
+        }
+        assert!(sampler.stream(0, 0, u32::MAX).next_grid_2d(u32::MAX).is_finite());
     }
 
     #[test]

@@ -31,19 +31,32 @@ fn pascal(mut x: u32) -> u32 {
 }
 
 #[inline]
-fn shuffle(index: u32, seed: u32) -> u32 {
-    laine_karras(index.reverse_bits(), seed).reverse_bits()
+fn shuffle(reversed_index: u32, seed: u32) -> u32 {
+    laine_karras(reversed_index, seed).reverse_bits()
 }
 
+/// Reverses the bits of two words at once: half of the steps of doing so one after the other.
 #[inline]
-pub(super) fn sample_1d(index: u32, a: u32, b: u32) -> f32 {
-    unit_float(laine_karras(shuffle(index, a), b).reverse_bits())
+fn reverse_both(x: u32, y: u32) -> (u32, u32) {
+    let v = u64::from(x) << 32 | u64::from(y);
+    let v = (v >> 1) & 0x5555_5555_5555_5555 | (v & 0x5555_5555_5555_5555) << 1;
+    let v = (v >> 2) & 0x3333_3333_3333_3333 | (v & 0x3333_3333_3333_3333) << 2;
+    let v = (v >> 4) & 0x0f0f_0f0f_0f0f_0f0f | (v & 0x0f0f_0f0f_0f0f_0f0f) << 4;
+    // Swapping all eight bytes also swaps the words.
+    let v = v.swap_bytes();
+    (v as u32, (v >> 32) as u32)
 }
 
+/// The number of the sample whose index has these bits in reverse.
 #[inline]
-pub(super) fn sample_2d(index: u32, a: u32, b: u32) -> Vec2 {
-    let i = shuffle(index, a);
-    let x = laine_karras(i, b).reverse_bits();
-    let y = laine_karras(pascal(i), b.rotate_left(16) ^ 0x5bd1_e995).reverse_bits();
+pub(super) fn sample_1d(reversed_index: u32, a: u32, b: u32) -> f32 {
+    unit_float(laine_karras(shuffle(reversed_index, a), b).reverse_bits())
+}
+
+/// The pair of the sample whose index has these bits in reverse.
+#[inline]
+pub(super) fn sample_2d(reversed_index: u32, a: u32, b: u32) -> Vec2 {
+    let i = shuffle(reversed_index, a);
+    let (x, y) = reverse_both(laine_karras(i, b), laine_karras(pascal(i), b.rotate_left(16) ^ 0x5bd1_e995));
     Vec2::new(unit_float(x), unit_float(y))
 }

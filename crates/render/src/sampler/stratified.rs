@@ -7,13 +7,14 @@ use crate::math::hash::{mix32, unit_float};
 fn permute(mut i: u32, n: u32, seed: u32) -> u32 {
     let mask = n.next_power_of_two() - 1;
     let bits = mask.count_ones().max(1);
+    let shift = (bits / 2).max(1);
+    let seeds = [0u32, 1, 2].map(|round| mix32(seed ^ round.wrapping_mul(0x9e37_79b9)));
     loop {
         // Each step is a bijection of the `bits`-bit numbers: odd multiplication, addition, xor with a right shift.
-        for round in 0..3u32 {
-            let s = mix32(seed ^ round.wrapping_mul(0x9e37_79b9));
+        for s in seeds {
             i = i.wrapping_add(s) & mask;
             i = i.wrapping_mul((s >> 7) | 1) & mask;
-            i ^= i >> (bits / 2).max(1);
+            i ^= i >> shift;
         }
         if i < n {
             return i;

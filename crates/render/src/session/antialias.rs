@@ -12,6 +12,7 @@ use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use etendue_procedural::fns;
 
+use crate::classic::WorkingSpace;
 use crate::film::Rect;
 use crate::spectrum::Spectrum;
 
@@ -57,15 +58,15 @@ impl Centers {
         self.antialias
     }
 
-    /// Keeps the radiance of a center that has been traced.
-    pub(super) fn keep(&self, x: u32, y: u32, radiance: Spectrum) {
+    /// Keeps the radiance of a center that has been traced, in numbers of a space.
+    pub(super) fn keep(&self, x: u32, y: u32, radiance: Spectrum, space: WorkingSpace) {
         if let Some(slot) = self.slot(x, y) {
-            write(slot, compared(radiance));
+            write(slot, compared(radiance, space));
         }
     }
 
-    /// Whether a pixel needs the samples after its first; `trace` gives the radiance of a center.
-    pub(super) fn differs(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> Spectrum) -> bool {
+    /// Whether a pixel needs the samples after its first; `trace` gives the radiance of a center and the space of its numbers.
+    pub(super) fn differs(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> (Spectrum, WorkingSpace)) -> bool {
         let Some(own) = self.color(x, y, &mut trace) else { return false };
         let neighbors = [(x.wrapping_sub(1), y), (x, y.wrapping_sub(1)), (x + 1, y), (x, y + 1)];
         neighbors.into_iter().any(|(x, y)| {
@@ -82,13 +83,14 @@ impl Centers {
     }
 
     /// `None` beyond the picture.
-    fn color(&self, x: u32, y: u32, trace: &mut impl FnMut(u32, u32) -> Spectrum) -> Option<[f32; 3]> {
+    fn color(&self, x: u32, y: u32, trace: &mut impl FnMut(u32, u32) -> (Spectrum, WorkingSpace)) -> Option<[f32; 3]> {
         let slot = self.slot(x, y)?;
         let bits = slot.each_ref().map(|v| v.load(Relaxed));
         if !bits.contains(&UNKNOWN) {
             return Some(bits.map(f32::from_bits));
         }
-        let color = compared(trace(x, y));
+        let (radiance, space) = trace(x, y);
+        let color = compared(radiance, space);
         write(slot, color);
         Some(color)
     }
@@ -101,11 +103,30 @@ fn write(slot: &[AtomicU32; 3], color: [f32; 3]) {
 }
 
 /// The measure of the comparison; what is no number counts as black, as in the film.
-fn compared(radiance: Spectrum) -> [f32; 3] {
+fn compared(radiance: Spectrum, space: WorkingSpace) -> [f32; 3] {
     radiance.rgb().map(|v| {
         let v = f64::from(if v.is_finite() { v } else { 0.0 });
-        fns::pow(v.abs(), 0.4).copysign(v) as f32
+        let measure = match space {
+            WorkingSpace::Power(g) => fns::pow(v.abs(), 0.4 * g),
+            _ => two_fifths(space.linear(v.abs())),
+        };
+        measure.copysign(v) as f32
     })
+}
+
+/// x^(2/5) to about 1e-9, for x ≥ 0: two steps of Halley's method for y⁵ = x², which take half of the time of a power.
+fn two_fifths(x: f64) -> f64 {
+    let square = x * x;
+    if !(square > 1e-300 && square < 1e300) {
+        return fns::pow(x, 0.4);
+    }
+    // A fifth of the exponent, and of the mantissa as it stands for its logarithm.
+    let mut y = f64::from_bits(square.to_bits() / 5 + (1023 << 52) / 5 * 4);
+    for _ in 0..2 {
+        let fifth = y * y * (y * y) * y;
+        y *= (2.0 * fifth + 3.0 * square) / (3.0 * fifth + 2.0 * square);
+    }
+    y
 }
 
 #[cfg(test)]
@@ -115,7 +136,7 @@ mod tests {
     /// Whether the left of two pixels of gray a and b is smoothed.
     fn smooths(a: f32, b: f32, threshold: f32) -> bool {
         let centers = Centers::new(Antialias { threshold, depth: 3 }, Rect::new(0, 0, 1, 1), 2, 1);
-        centers.differs(0, 0, |x, _| Spectrum::splat(if x == 0 { a } else { b }))
+        centers.differs(0, 0, |x, _| (Spectrum::splat(if x == 0 { a } else { b }), WorkingSpace::Linear))
     }
 
     #[test]
@@ -128,6 +149,21 @@ mod tests {
     }
 
     #[test]
+    fn the_measure_is_a_power_of_linear_light() {
+        for i in 0..4000 {
+            let x = fns::exp(f64::from(i) * 0.02 - 40.0);
+            assert!((two_fifths(x) / fns::pow(x, 0.4) - 1.0).abs() < 1e-8, "{x}");
+        }
+        for space in [WorkingSpace::Power(2.2), WorkingSpace::Srgb] {
+            for v in [0.0, 1e-3, 0.3, -0.7, 4.0] {
+                let [a, b] = [(v, space), (space.linear(v), WorkingSpace::Linear)].map(|(v, s)| compared(Spectrum::splat(v as f32), s)[0]);
+                assert!((a - b).abs() < 1e-6, "{space:?} {v}: {a} {b}");
+            }
+        }
+        assert_eq!(compared(Spectrum::splat(f32::NAN), WorkingSpace::Linear), [0.0; 3]);
+    }
+
+    #[test]
     fn centers_are_traced_once_and_within_the_picture() {
         let centers = Centers::new(Antialias { threshold: 0.3, depth: 3 }, Rect::new(2, 0, 4, 2), 4, 2);
         let mut traced = Vec::new();
@@ -135,7 +171,7 @@ mod tests {
             for x in 2..4 {
                 assert!(!centers.differs(x, y, |x, y| {
                     traced.push((x, y));
-                    Spectrum::ZERO
+                    (Spectrum::ZERO, WorkingSpace::Linear)
                 }));
             }
         }

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
+use crate::camera::CameraRay;
 use crate::classic::WorkingSpace;
 use crate::film::{Film, FilmError, FilmMeta, FilmSpec, FilterSampler, HeldSamples, Rect};
 use crate::integrator::{CameraSample, Estimate, Integrator, Stage};
@@ -121,6 +122,10 @@ pub struct Session {
     order_tiles: Option<fn(&mut Vec<Rect>)>,
     centers: Option<Centers>,
     is_prepared: bool,
+    /// The integrator takes the camera's rays; otherwise only the point of the picture.
+    needs_camera: bool,
+    /// Points on the lens matter.
+    needs_lens: bool,
 }
 
 impl Session {
@@ -142,7 +147,22 @@ impl Session {
         let filter = FilterSampler::new(spec.filter);
         let mut film = Film::new(spec)?;
         film.meta = meta;
-        Ok(Self { scene, integrator, sampler, filter, aovs, first_sample: 0, film, order_tiles: None, centers: None, is_prepared: false })
+        let needs_camera = integrator.uses_camera_rays(&scene);
+        let needs_lens = needs_camera || scene.classic.as_ref().is_none_or(|c| c.needs_lens());
+        Ok(Self {
+            scene,
+            integrator,
+            sampler,
+            filter,
+            aovs,
+            first_sample: 0,
+            film,
+            order_tiles: None,
+            centers: None,
+            is_prepared: false,
+            needs_camera,
+            needs_lens,
+        })
     }
 
     /// Lets only pixels that differ from a neighbor have more than one sample, which goes through their center. The sampler's number of
@@ -150,6 +170,11 @@ impl Session {
     pub fn set_antialias(&mut self, antialias: Antialias) {
         let spec = self.film.spec();
         self.centers = Some(Centers::new(antialias, self.film.rect(), spec.width, spec.height));
+    }
+
+    /// Estimates no error, for sessions of which nothing but the picture is wanted; see [`Film::drop_squares`].
+    pub fn forgo_error_estimate(&mut self) {
+        self.film.drop_squares();
     }
 
     /// Names the scene in the film, so that films of other scenes are refused.
@@ -170,6 +195,9 @@ impl Session {
     pub fn set_part(&mut self, rect: Rect, first_sample: u32) -> Result<(), FilmError> {
         let spec = self.film.spec().clone();
         let mut film = Film::tile(&spec, rect)?;
+        if !self.film.has_squares() {
+            film.drop_squares();
+        }
         film.meta = FilmMeta { render_ms: 0, ..self.film.meta.clone() };
         self.film = film;
         self.first_sample = first_sample;
@@ -353,8 +381,10 @@ impl Session {
     }
 
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
-        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), ..Estimate::default() };
-        let mut neighbor = Estimate::default();
+        let space = self.film.spec().space;
+        let wants_own = space != WorkingSpace::Linear;
+        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), wants_own, ..Estimate::default() };
+        let mut neighbor = Estimate { wants_own, ..Estimate::default() };
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
@@ -367,13 +397,13 @@ impl Session {
                         }
                         Some(centers) if index == 0 => {
                             self.center(x, y, &mut estimate);
-                            centers.keep(x, y, estimate.radiance);
+                            centers.keep(x, y, estimate.radiance, estimate.space(space));
                             1.0
                         }
                         Some(centers) => {
                             let trace = |x, y| {
                                 self.center(x, y, &mut neighbor);
-                                neighbor.radiance
+                                (neighbor.radiance, neighbor.space(space))
                             };
                             if !centers.differs(x, y, trace) {
                                 // None of this pixel's further samples is needed.
@@ -383,8 +413,7 @@ impl Session {
                         }
                     };
                     channels::values(&estimate, &self.aovs, &mut values);
-                    let space = self.film.spec().space;
-                    if space != WorkingSpace::Linear {
+                    if wants_own && !estimate.is_own {
                         // Means are of numbers of the scene's space, as in POV-Ray (measured).
                         values.iter_mut().take(3).for_each(|v| *v = space.from_linear(f64::from(*v)) as f32);
                     }
@@ -404,7 +433,11 @@ impl Session {
             self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
             return (shared.weight, stream);
         }
-        let filtered = self.filter.sample(stream.next_2d());
+        let u = match &self.centers {
+            Some(centers) if self.sampler.kind == SamplerKind::Stratified => stream.next_grid_2d(centers.antialias().depth),
+            _ => stream.next_2d(),
+        };
+        let filtered = self.filter.sample(u);
         let picture = Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + filtered.offset;
         self.trace(picture, &mut stream, estimate);
         (filtered.weight, stream)
@@ -428,7 +461,8 @@ impl Session {
     }
 
     fn trace(&self, picture: Vec2, stream: &mut SampleStream, estimate: &mut Estimate) {
-        let camera_ray = self.scene.camera_ray(picture, stream.next_2d());
+        let lens = if self.needs_lens { stream.next_2d() } else { stream.skip_2d() };
+        let camera_ray = if self.needs_camera { self.scene.camera_ray(picture, lens) } else { CameraRay::without_ray(picture, lens) };
         estimate.reset(self.scene.group_names.len());
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }

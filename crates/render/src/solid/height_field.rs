@@ -149,49 +149,82 @@ impl HeightField {
         }
         let inverse = d.recip();
         let (across, along) = (1.0 / (self.columns - 1) as f64, 1.0 / (self.rows - 1) as f64);
-        // The children of a node, the last one first.
-        let (flip_x, flip_z) = (usize::from(d.x > 0.0), usize::from(d.z > 0.0));
-        let Some(top) = self.levels.len().checked_sub(1) else { return };
-        let mut stack = ArrayVec::<(usize, usize, usize), 128>::new();
-        stack.push((top, 0, 0));
-        while let Some((level, i, j)) = stack.pop() {
-            let l = &self.levels[level];
-            let range = l.ranges[j * l.columns + i];
-            if f64::from(range[1]) < self.water {
+        let Some((top, root)) = self.levels.len().checked_sub(1).and_then(|top| Some((top, *self.levels[top].ranges.first()?))) else {
+            return;
+        };
+        let slab = |lo: f64, hi: f64, o: f64, d: f64, inverse: f64| {
+            if d == 0.0 {
+                return if o >= lo && o <= hi { (f64::NEG_INFINITY, f64::INFINITY) } else { (1.0, 0.0) };
+            }
+            let (a, b) = ((lo - o) * inverse, (hi - o) * inverse);
+            (a.min(b), a.max(b))
+        };
+        let (ax, bx) = slab(0.0, (self.columns - 1) as f64 * across, o.x, d.x, inverse.x);
+        let (az, bz) = slab(0.0, (self.rows - 1) as f64 * along, o.z, d.z, inverse.z);
+        let (mut a, mut b) = (ax.max(az), bx.min(bz));
+        if !(a.is_finite() && b.is_finite()) {
+            // An upright line is cut to the range of heights.
+            let hair = 1e-7 * (1.0 + f64::from(root[1].abs()) + f64::from(root[0].abs()));
+            let (ay, by) = slab(f64::from(root[0]) - hair, f64::from(root[1]) + hair, o.y, d.y, inverse.y);
+            (a, b) = (a.max(ay), b.min(by));
+        }
+        if !(a <= b) {
+            return;
+        }
+        // Where the line is in a node; what it crosses first lies on top.
+        let mut stack = ArrayVec::<(u32, u32, u32, f64, f64), 128>::new();
+        stack.push((top as u32, 0, 0, a, b));
+        while let Some((level, i, j, a, b)) = stack.pop() {
+            let l = &self.levels[level as usize];
+            let range = l.ranges[j as usize * l.columns + i as usize].map(f64::from);
+            if range[1] < self.water || b < t_min || a > t_max {
                 continue;
             }
-            // Of the cells below.
-            let (i0, i1) = (i << level, ((i + 1) << level).min(self.columns - 1));
-            let (j0, j1) = (j << level, ((j + 1) << level).min(self.rows - 1));
-            let slab = |lo: f64, hi: f64, o: f64, d: f64, inverse: f64| {
+            let (ya, yb) = (o.y + a * d.y, o.y + b * d.y);
+            let hair = 1e-7 * (1.0 + range[1].abs() + range[0].abs());
+            if ya.max(yb) < range[0] - hair || ya.min(yb) > range[1] + hair {
+                continue;
+            }
+            if level == 0 {
+                if self.cell(i as usize, j as usize, line, (a, b), (t_min, t_max), visit) {
+                    return;
+                }
+                continue;
+            }
+            let level = level - 1;
+            let below = &self.levels[level as usize];
+            // The line changes sides at the middle planes; on which side it begins, and where it changes.
+            let side = |middle: f64, o: f64, d: f64, inverse: f64| {
                 if d == 0.0 {
-                    return if o >= lo && o <= hi { (f64::NEG_INFINITY, f64::INFINITY) } else { (1.0, 0.0) };
+                    return (u32::from(o > middle), f64::INFINITY);
                 }
-                let (a, b) = ((lo - o) * inverse, (hi - o) * inverse);
-                (a.min(b), a.max(b))
+                let t = (middle - o) * inverse;
+                let starts_up = (d > 0.0) == (t <= a);
+                (u32::from(starts_up), if t > a { t } else { f64::INFINITY })
             };
-            let (ax, bx) = slab(i0 as f64 * across, i1 as f64 * across, o.x, d.x, inverse.x);
-            let (az, bz) = slab(j0 as f64 * along, j1 as f64 * along, o.z, d.z, inverse.z);
-            let hair = 1e-7 * (1.0 + f64::from(range[1].abs()) + f64::from(range[0].abs()));
-            let (ay, by) = slab(f64::from(range[0]) - hair, f64::from(range[1]) + hair, o.y, d.y, inverse.y);
-            let (a, b) = (ax.max(az), bx.min(bz));
-            if !(a.max(ay).max(t_min) <= b.min(by).min(t_max)) {
-                continue;
-            }
-            if level > 0 {
-                let below = &self.levels[level - 1];
-                for (x, z) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                    let (i, j) = (2 * i + (x ^ flip_x), 2 * j + (z ^ flip_z));
-                    if i < below.columns && j < below.rows {
-                        stack.push((level - 1, i, j));
-                    }
+            let (mut x, mut tx) = side(f64::from((2 * i + 1) << level) * across, o.x, d.x, inverse.x);
+            let (mut z, mut tz) = side(f64::from((2 * j + 1) << level) * along, o.z, d.z, inverse.z);
+            let mut parts = ArrayVec::<(u32, u32, u32, f64, f64), 4>::new();
+            let mut from = a;
+            loop {
+                let to = tx.min(tz).min(b);
+                let (ci, cj) = (2 * i + x, 2 * j + z);
+                if (ci as usize) < below.columns && (cj as usize) < below.rows {
+                    parts.push((level, ci, cj, from, to));
                 }
-                continue;
+                if !(to < b) || parts.is_full() {
+                    break;
+                }
+                if tx <= to {
+                    (x, tx) = (x ^ 1, f64::INFINITY);
+                }
+                if tz <= to {
+                    (z, tz) = (z ^ 1, f64::INFINITY);
+                }
+                from = to;
             }
-            // Level lines cannot be cut to the height range, upright ones cannot be cut to the cell.
-            let (a, b) = if a.is_finite() && b.is_finite() { (a, b) } else { (a.max(ay), b.min(by)) };
-            if self.cell(i, j, line, (a, b), (t_min, t_max), visit) {
-                return;
+            while let Some(part) = parts.pop() {
+                stack.push(part);
             }
         }
     }

@@ -34,6 +34,8 @@ pub struct Julia {
     slope: DVec3,
     /// Of a sphere that holds all.
     radius: f64,
+    /// ln `escape` over the function's power to the number of iterations left.
+    potentials: Vec<f64>,
 }
 
 /// How an orbit ended.
@@ -114,7 +116,9 @@ impl Julia {
         if !base.is_finite() || !slope.is_finite() {
             return None;
         }
-        Some(Self { parameter, hypercomplex, function, iterations, escape, step, base, slope, radius })
+        let power: f64 = if function == JuliaFunction::Sqr { 2.0 } else { 3.0 };
+        let potentials = (0..=60).scan(fns::log(escape), |p, _| Some(std::mem::replace(p, *p / power))).collect();
+        Some(Self { parameter, hypercomplex, function, iterations, escape, step, base, slope, radius, potentials })
     }
 
     fn lift(&self, p: DVec3) -> DVec4 {
@@ -128,13 +132,15 @@ impl Julia {
 
     fn quaternion_orbit(&self, mut h: DVec4) -> Orbit {
         let cube = self.function == JuliaFunction::Cube;
+        // For squares the square of it, so that there is one root at the end.
         let mut stretch = 1.0;
         let mut square = h.length_squared();
         for count in 0..=self.iterations {
             if !(square <= self.escape * self.escape) || count == self.iterations {
+                let stretch = if cube { stretch } else { f64::sqrt(stretch) };
                 return Orbit { inside: square <= self.escape * self.escape, count, length: square.sqrt(), stretch };
             }
-            stretch *= if cube { 3.0 * square } else { 2.0 * square.sqrt() };
+            stretch *= if cube { 3.0 * square } else { 4.0 * square };
             h = quaternion(cube, h, &mut []) + self.parameter;
             square = h.length_squared();
         }
@@ -166,12 +172,9 @@ impl Julia {
         let guess = match self.function {
             JuliaFunction::Sqr | JuliaFunction::Cube if !orbit.inside => {
                 // Half of |h| ln|h| / |h'| is the distance of the set itself; that of the surface at a potential above 0 is less.
-                let power: f64 = if self.function == JuliaFunction::Sqr { 2.0 } else { 3.0 };
                 let log = fns::log(orbit.length);
-                let mut surface = fns::log(self.escape);
-                for _ in orbit.count..self.iterations.min(orbit.count + 60) {
-                    surface /= power;
-                }
+                let left = self.iterations.saturating_sub(orbit.count) as usize;
+                let surface = self.potentials.get(left).copied().unwrap_or(0.0);
                 0.5 * orbit.length * log / orbit.stretch * (1.0 - (surface / log).min(1.0))
             }
             JuliaFunction::Sqr | JuliaFunction::Cube => 0.5 * gap,

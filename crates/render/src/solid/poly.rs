@@ -169,6 +169,29 @@ impl Primitive for Poly {
         }
     }
 
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+        if self.order <= 4 {
+            let speed = line.d.length();
+            if !(speed > 0.0) || !speed.is_finite() {
+                return None;
+            }
+            let d = line.d / speed;
+            let middle = -line.o.dot(d);
+            let c = self.on_line::<5>(line.o + d * middle, d);
+            let far = roots::root_bound(&c).min(FARTHEST);
+            let first = roots::quartic_first(&c, (t_min * speed - middle).max(-far), (t_max * speed - middle).min(far))?;
+            let t = (first + middle) / speed;
+            if t > t_min && t < t_max {
+                return Some(Crossing { t, part: 0, uv: DVec2::ZERO });
+            }
+        }
+        let start = scratch.len();
+        self.crossings(line, t_min, t_max, scratch);
+        let nearest = scratch[start..].iter().copied().min_by(|a, b| a.t.total_cmp(&b.t));
+        scratch.truncate(start);
+        nearest
+    }
+
     fn inside(&self, p: DVec3) -> bool {
         self.value(p).0 < 0.0
     }

@@ -38,9 +38,14 @@ fn negative(x: f64) -> bool {
     x < 0.0
 }
 
+/// Relative size of the last step of Newton's method towards a root.
+const EXACT: f64 = 4e-16;
+/// The same towards an extremum that only divides an interval: the value there is exact already.
+const DIVIDING: f64 = 1e-9;
+
 /// The root between `a` and `b`, where the polynomial changes sign from `fa` to `fb`: Newton's method kept in the bracket.
 #[inline(always)]
-fn bracketed(c: &[f64], mut a: f64, mut b: f64, fa: f64, fb: f64) -> f64 {
+fn bracketed(c: &[f64], mut a: f64, mut b: f64, fa: f64, fb: f64, tolerance: f64) -> f64 {
     let rising = negative(fa);
     // A first guess by the secant, kept off the ends, where the slope may vanish.
     let s = fa / (fa - fb);
@@ -64,7 +69,7 @@ fn bracketed(c: &[f64], mut a: f64, mut b: f64, fa: f64, fb: f64) -> f64 {
         }
         last = (next - x).abs();
         x = next;
-        if last <= 4e-16 * x.abs() || last < 1e-300 || !(b - a > 4e-16 * (a.abs() + b.abs())) {
+        if last <= tolerance * x.abs() || last < 1e-300 || !(b - a > 4e-16 * (a.abs() + b.abs())) {
             break;
         }
     }
@@ -74,12 +79,18 @@ fn bracketed(c: &[f64], mut a: f64, mut b: f64, fa: f64, fb: f64) -> f64 {
 /// Roots of a polynomial in [lo, hi], whose extrema there are known.
 #[inline(always)]
 fn between<const N: usize>(c: &[f64], extrema: &[f64], lo: f64, hi: f64, out: &mut ArrayVec<f64, N>) {
+    between_to(c, extrema, lo, hi, EXACT, out);
+}
+
+/// The same to a tolerance of the last step.
+#[inline(always)]
+fn between_to<const N: usize>(c: &[f64], extrema: &[f64], lo: f64, hi: f64, tolerance: f64, out: &mut ArrayVec<f64, N>) {
     let mut a = lo;
     let mut fa = eval(c, lo);
     for &b in extrema.iter().chain(std::iter::once(&hi)) {
         let fb = eval(c, b);
         if negative(fa) != negative(fb) && b > a {
-            let x = bracketed(c, a, b, fa, fb);
+            let x = bracketed(c, a, b, fa, fb, tolerance);
             // Never full: a polynomial of degree n has n − 1 extrema.
             let _ = out.try_push(x);
         }
@@ -156,9 +167,40 @@ pub fn quartic_in(c: &[f64; 5], lo: f64, hi: f64) -> ArrayVec<f64, 4> {
     let d = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4]];
     let mut extrema = ArrayVec::<f64, 3>::new();
     let turns = quadratic_open(&[d[1], 2.0 * d[2], 3.0 * d[3]], lo, hi);
-    between(&d, &turns, lo, hi, &mut extrema);
+    between_to(&d, &turns, lo, hi, DIVIDING, &mut extrema);
     between(c, &extrema, lo, hi, &mut out);
     out
+}
+
+/// The first root of a quartic in [lo, hi]: that of [`quartic_in`], without looking for extrema behind it.
+#[inline]
+pub fn quartic_first(c: &[f64; 5], lo: f64, hi: f64) -> Option<f64> {
+    if !(lo < hi) || c.iter().any(|x| !x.is_finite()) || one_sign(c, lo, hi) {
+        return None;
+    }
+    let d = [c[1], 2.0 * c[2], 3.0 * c[3], 4.0 * c[4]];
+    let turns = quadratic_open(&[d[1], 2.0 * d[2], 3.0 * d[3]], lo, hi);
+    let (mut from, mut f_from) = (lo, eval(c, lo));
+    let mut to = |x: f64| {
+        let f = eval(c, x);
+        if negative(f_from) != negative(f) && x > from {
+            return Some(bracketed(c, from, x, f_from, f, EXACT));
+        }
+        (from, f_from) = (x, f);
+        None
+    };
+    let (mut a, mut da) = (lo, eval(&d, lo));
+    for &b in turns.iter().chain(std::iter::once(&hi)) {
+        let db = eval(&d, b);
+        if negative(da) != negative(db)
+            && b > a
+            && let Some(root) = to(bracketed(&d, a, b, da, db, DIVIDING))
+        {
+            return Some(root);
+        }
+        (a, da) = (b, db);
+    }
+    to(hi)
 }
 
 /// Whether a quartic keeps its sign in [lo, hi] for sure: so do its Bernstein coefficients then (Farouki, "The Bernstein polynomial basis: A
@@ -199,7 +241,7 @@ pub fn sextic_in(c: &[f64; 7], lo: f64, hi: f64) -> ArrayVec<f64, 6> {
     let d2 = [d1[1], 2.0 * d1[2], 3.0 * d1[3], 4.0 * d1[4], 5.0 * d1[5]];
     let turns = quartic_in(&d2, lo, hi);
     let mut extrema = ArrayVec::<f64, 5>::new();
-    between(&d1, &turns, lo, hi, &mut extrema);
+    between_to(&d1, &turns, lo, hi, DIVIDING, &mut extrema);
     between(c, &extrema, lo, hi, &mut out);
     out
 }
@@ -305,6 +347,24 @@ mod tests {
             c = next;
         }
         c
+    }
+
+    #[test]
+    fn the_first_root_of_quartics() {
+        let mut s = 5;
+        for i in 0..20_000 {
+            let mut c = [0.0; 5].map(|_: f64| random(&mut s) * 2.0 - 1.0);
+            if i % 3 == 0 {
+                c[4] = 0.0;
+            }
+            let lo = -2.0 * random(&mut s);
+            let (first, all) = (quartic_first(&c, lo, 1.5), quartic_in(&c, lo, 1.5));
+            match (first, all.first()) {
+                (Some(a), Some(b)) => assert!((a - b).abs() < 1e-12 * (1.0 + b.abs()), "{c:?}: {a} {b}"),
+                (None, None) => {}
+                other => panic!("{c:?} from {lo}: {other:?}"),
+            }
+        }
     }
 
     #[test]

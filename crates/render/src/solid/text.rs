@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use arrayvec::ArrayVec;
 use etendue_scene::desc::classic::{OutlineSegment, TextShape};
 use glam::{DVec2, DVec3};
 
@@ -43,10 +44,17 @@ impl Piece {
     }
 
     /// Parameters in [0, 1] where w · curve = level.
+    #[inline]
     fn parameters(&self, w: DVec2, level: f64) -> impl Iterator<Item = f64> {
         let [a, b, c] = self.points.map(|p| w.dot(p));
-        let roots =
-            if self.straight { quadratic(&[a - level, c - a, 0.0]) } else { quadratic(&[a - level, 2.0 * (b - a), a - 2.0 * b + c]) };
+        // The curve lies within the triangle of its points.
+        let roots = if a.min(b).min(c) > level || a.max(b).max(c) < level {
+            ArrayVec::new()
+        } else if self.straight {
+            quadratic(&[a - level, c - a, 0.0])
+        } else {
+            quadratic(&[a - level, 2.0 * (b - a), a - 2.0 * b + c])
+        };
         roots.into_iter().filter(|s| *s >= 0.0 && *s <= 1.0)
     }
 }

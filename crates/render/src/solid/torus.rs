@@ -4,7 +4,7 @@ use etendue_procedural::fns;
 use glam::{DVec2, DVec3};
 
 use super::facets::{Facet, circle, revolve};
-use super::roots::quartic_in;
+use super::roots::{quartic_first, quartic_in};
 use super::{Bounds, Crossing, Line, Primitive};
 
 /// Ring with a round tube.
@@ -22,6 +22,66 @@ impl Torus {
     }
 }
 
+/// The quartic on a line, where it may have roots.
+struct Part {
+    c: [f64; 5],
+    lo: f64,
+    hi: f64,
+    /// Line parameter of the point nearest to the center, and length of its unit.
+    closest: f64,
+    speed: f64,
+}
+
+impl Part {
+    fn t(&self, s: f64) -> f64 {
+        (s + self.closest) / self.speed
+    }
+}
+
+impl Torus {
+    /// The quartic of (|p|² + R² − r²)² = 4 R² (x² + z²) in a line parameter that is zero at the point nearest to the center and has
+    /// unit speed, which keeps coefficients of one size however far the line begins. `None` where there is no crossing.
+    fn quartic(&self, line: &Line, t_min: f64, t_max: f64) -> Option<Part> {
+        let speed = line.d.length();
+        let d = line.d / speed;
+        let closest = -line.o.dot(d);
+        let o = line.o + d * closest;
+        if !(speed > 0.0 && o.is_finite()) {
+            return None;
+        }
+        let (major2, minor2) = (self.major * self.major, self.minor * self.minor);
+        let reach2 = (self.major + self.minor) * (self.major + self.minor);
+        let o2 = o.length_squared();
+        if !(o2 < reach2) {
+            return None;
+        }
+        // Within the enclosing ball and between the planes y = ±r.
+        let half = (reach2 - o2).sqrt() * (1.0 + 1e-9);
+        let (mut lo, mut hi) = ((t_min * speed - closest).max(-half), (t_max * speed - closest).min(half));
+        if d.y.abs() > 1e-12 {
+            let (a, b) = ((-self.minor - o.y) / d.y, (self.minor - o.y) / d.y);
+            let room = 1e-9 * half;
+            lo = lo.max(a.min(b) - room);
+            hi = hi.min(a.max(b) + room);
+        } else if o.y.abs() > self.minor {
+            return None;
+        }
+        if !(lo < hi) {
+            return None;
+        }
+        // |p|² = s² + o2, as o is perpendicular to d.
+        let k = o2 + major2 - minor2;
+        let c = [
+            k * k - 4.0 * major2 * (o.x * o.x + o.z * o.z),
+            -8.0 * major2 * (o.x * d.x + o.z * d.z),
+            2.0 * k - 4.0 * major2 * (d.x * d.x + d.z * d.z),
+            0.0,
+            1.0,
+        ];
+        Some(Part { c, lo, hi, closest, speed })
+    }
+}
+
 impl Primitive for Torus {
     fn facets(&self, segments: usize, _: &Bounds) -> Option<Vec<Facet>> {
         let profile: Vec<DVec2> =
@@ -34,51 +94,27 @@ impl Primitive for Torus {
         Bounds { min: DVec3::new(-r, -self.minor, -r), max: DVec3::new(r, self.minor, r) }
     }
 
-    /// The quartic of (|p|² + R² − r²)² = 4 R² (x² + z²) in a line parameter that is zero at the point nearest to the center and has
-    /// unit speed, which keeps coefficients of one size however far the line begins.
     fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>) {
-        let speed = line.d.length();
-        let d = line.d / speed;
-        let closest = -line.o.dot(d);
-        let o = line.o + d * closest;
-        if !(speed > 0.0 && o.is_finite()) {
-            return;
-        }
-        let (major2, minor2) = (self.major * self.major, self.minor * self.minor);
-        let reach2 = (self.major + self.minor) * (self.major + self.minor);
-        let o2 = o.length_squared();
-        if !(o2 < reach2) {
-            return;
-        }
-        // Within the enclosing ball and between the planes y = ±r.
-        let half = (reach2 - o2).sqrt() * (1.0 + 1e-9);
-        let (mut lo, mut hi) = ((t_min * speed - closest).max(-half), (t_max * speed - closest).min(half));
-        if d.y.abs() > 1e-12 {
-            let (a, b) = ((-self.minor - o.y) / d.y, (self.minor - o.y) / d.y);
-            let room = 1e-9 * half;
-            lo = lo.max(a.min(b) - room);
-            hi = hi.min(a.max(b) + room);
-        } else if o.y.abs() > self.minor {
-            return;
-        }
-        if !(lo < hi) {
-            return;
-        }
-        // |p|² = s² + o2, as o is perpendicular to d.
-        let k = o2 + major2 - minor2;
-        let c = [
-            k * k - 4.0 * major2 * (o.x * o.x + o.z * o.z),
-            -8.0 * major2 * (o.x * d.x + o.z * d.z),
-            2.0 * k - 4.0 * major2 * (d.x * d.x + d.z * d.z),
-            0.0,
-            1.0,
-        ];
-        for s in quartic_in(&c, lo, hi) {
-            let t = (s + closest) / speed;
+        let Some(part) = self.quartic(line, t_min, t_max) else { return };
+        for s in quartic_in(&part.c, part.lo, part.hi) {
+            let t = part.t(s);
             if t > t_min && t < t_max {
                 out.push(Crossing::new(t, 0));
             }
         }
+    }
+
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, _: &mut Vec<Crossing>) -> Option<Crossing> {
+        let part = self.quartic(line, t_min, t_max)?;
+        let counts = |t: f64| t > t_min && t < t_max;
+        let first = part.t(quartic_first(&part.c, part.lo, part.hi)?);
+        // A root at the very end of the interval may lie outside of it by rounding.
+        let t = if counts(first) {
+            first
+        } else {
+            quartic_in(&part.c, part.lo, part.hi).into_iter().map(|s| part.t(s)).find(|t| counts(*t))?
+        };
+        Some(Crossing::new(t, 0))
     }
 
     fn inside(&self, p: DVec3) -> bool {
