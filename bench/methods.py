@@ -7,8 +7,9 @@ the share of blocks beyond three standard errors (1% by chance with 8 seeds), th
 with code 1 where any block of any method differs by more than chance (1% for the whole picture, Šidák's correction for its blocks) and
 the allowance explain.
 
-Methods with a blur (`sppm`, `pathmap`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is extrapolated: for
-`sppm`, `pathmap` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are dark, with the radius.
+Methods with a blur (`sppm`, `pathmap`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is
+extrapolated: for `sppm`, `pathmap` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are
+dark, with the radius.
 
     python bench/methods.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seeds 8] [--effort 1] [--scene NAME] [--method NAME]
 

@@ -378,7 +378,4 @@ fn what_casts_no_shadow() {
     assert_same("mlt no_shadow", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.2);
     let vcm = RenderSettings { photon_radius: Some(0.01), ..method("vcm", 12) };
     assert_same("vcm no_shadow", &blocks(&desc, &vcm), &path, 5e-3, 0.15);
-    let dull = read(&text.replace("reflection 0.9", "")).unwrap();
-    let path = reference(&dull, &method("path", 256));
-    assert_same("light no_shadow", &blocks(&dull, &method("light", 64)), &path, ROUNDING, 0.15);
 }

@@ -100,8 +100,8 @@ impl CausticMap {
             (None, tree) => format!("about {:.2e}", median_distance(tree, self.neighbors(), self.reach, stage.seed)),
         };
         self.notes = vec![format!(
-            "pathmap: biased is light that comes from the lights by mirrors and glass first; {} photons in each pass blur its caustics over \
-             a radius of {first} at first, which shrinks with the samples as n^(-1/6); all other light is unbiased",
+            "pathmap: biased is light that comes from the lights by mirrors and glass first; {} photons in each pass blur its caustics \
+             over a radius of {first} at first, which shrinks with the samples as n^(-1/6); all other light is unbiased",
             self.photons
         )];
         if level > 0 {

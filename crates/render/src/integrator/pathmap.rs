@@ -1,7 +1,7 @@
 //! Path tracing that borrows a caustic map where paths cannot reach.
 //!
-//! [`Path`], but light that leaves the lights by mirrors and refractors first (caustics, and what these light) is taken from photons, at the
-//! first diffuse surface that the camera sees, also in mirrors and through glass ([`CausticMap`]). The map is made anew for each sample
+//! [`Path`], but light that leaves the lights by mirrors and refractors first (caustics, and what these light) is taken from photons, at
+//! the first diffuse surface that the camera sees, also in mirrors and through glass ([`CausticMap`]). The map is made anew for each sample
 //! of all pixels, with a radius that shrinks, as in `sppm`. The same paths are left out of the path tracer. All other light, direct and
 //! between diffuse surfaces, is the path tracer's own: unbiased, and without the blotches of photons.
 //!
