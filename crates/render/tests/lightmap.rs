@@ -247,15 +247,19 @@ fn all_methods_find_the_same_light() {
     let is_cancelled = || false;
     let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
     let bake = Bake::new(&desc, &settings, &small(), "path").unwrap();
-    let mean = |name: &str, gather: bool, spp: u32| {
+    let solve = |name: &str, gather: bool, spp: u32| -> Vec<f64> {
         let method = bake.method(name, gather, &stage, &mut Vec::new()).unwrap();
         let mut solution = Solution::new(bake.point_count());
         bake.solve(&method, Stop { spp: Some(spp), ..Stop::default() }, &mut solution, &Cancel::default(), &Quiet);
-        (0..solution.sums.len()).filter_map(|i| solution.irradiance(i)).map(|e| f64::from(e[0] + e[1] + e[2])).sum::<f64>()
+        (0..solution.sums.len()).map(|i| solution.irradiance(i).map_or(0.0, |e| f64::from(e[0] + e[1] + e[2]))).collect()
     };
-    let expected = mean("path", false, 64);
+    // The floor under a wall is dark, but an element that reaches below it has one light for both parts: such texels nobody sees.
+    let path = solve("path", false, 64);
+    let mean = path.iter().sum::<f64>() / path.len() as f64;
+    let sum = |texels: &[f64]| texels.iter().zip(&path).filter(|(_, p)| **p > 0.02 * mean).map(|(t, _)| t).sum::<f64>();
     let cases = [("radiosity", false, 4), ("radiosity", true, 32), ("particles", true, 32), ("particles", false, 4)];
-    let found = cases.map(|(name, gather, spp)| (name, gather, mean(name, gather, spp) / expected));
+    let found = cases.map(|(name, gather, spp)| (name, gather, sum(&solve(name, gather, spp)) / sum(&path)));
+    println!("light by method, final gathering, over that of paths: {found:?}");
     assert!(found.iter().all(|(_, _, ratio)| (ratio - 1.0).abs() < 0.02), "method, final gathering, ratio: {found:?}");
 }
 
