@@ -138,7 +138,8 @@ def main() -> int:
             print(f"| {path} | {shown[0]} | {shown[1]} | {ratios[-1][0]:.2f} |", flush=True)
     if ratios:
         mean = math.exp(sum(math.log(max(r, 1e-6)) for r, _ in ratios) / len(ratios))
-        print(f"\n{len(ratios)} scenes, geometric mean of the ratios **{mean:.2f}**, of the sums {totals[0] / max(totals[1], 1e-3):.2f}. Worst:")
+        sums = totals[0] / max(totals[1], 1e-3)
+        print(f"\n{len(ratios)} scenes, geometric mean of the ratios **{mean:.2f}**, of the sums {sums:.2f}. Worst:")
         for ratio, path in sorted(ratios, reverse=True)[:10]:
             print(f"- {ratio:.2f} {path}")
     return 0

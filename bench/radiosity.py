@@ -1,6 +1,7 @@
 """Measure the radiosity solvers: agreement with the path tracer, error against seconds, growth with the number of elements.
 
-    python bench/radiosity.py [agree] [speed] [grow] [bake] [--etendue target/release/etendue] [--folder docs/theory/radiosity] [--keep FOLDER]
+    python bench/radiosity.py [agree] [speed] [grow] [bake] [--etendue target/release/etendue]
+        [--folder docs/theory/radiosity] [--keep FOLDER]
 
 `agree`: the Cornell box and the furnished room of this repository by each solver, beside the path tracer. A region is a tile of 8 × 8
 pixels that shows one smooth surface and has no geometric edge within two pixels; printed are the error of the mean over all regions and
@@ -391,7 +392,7 @@ def bake(etendue: str, folder: Path) -> None:
             maps[method].append(rgb(channels(out.with_suffix(".0.exr"))))
             atlas = atlas or Atlas(out, BAKE_SIZE)
     assert atlas is not None
-    print("| regions | method | mean of all | standard error, path's and its own | root mean square of differences | that without noise | beyond 2% and 3 σ |")
+    print("| regions | method | mean of all | standard error, path's, its own | rms difference | that without noise | beyond 2% and 3 σ |")
     print("|---|---|---|---|---|---|---|")
     of_block = [int(atlas.chart[block][0, 0]) for block in atlas.blocks]
     every = np.unique(of_block)
@@ -409,11 +410,11 @@ def bake(etendue: str, folder: Path) -> None:
             noise = [standard_error(v[:, lit]) for v in (means["path"], values)]
             rms = math.sqrt(np.mean(differences**2))
             sure = np.abs(differences) > 0.02 + 3 * math.hypot(*noise)
-            print(
-                f"| {lit.sum()} {what} | {method} | {values[:, lit].mean() / reference[lit].mean() - 1:+.2%} | {noise[0]:.2%}, {noise[1]:.2%} | "
-                f"{rms:.2%} | {math.sqrt(max(rms**2 - noise[0] ** 2 - noise[1] ** 2, 0)):.2%} | {sure.sum()} |",
-                flush=True,
-            )
+            without = math.sqrt(max(rms**2 - noise[0] ** 2 - noise[1] ** 2, 0))
+            mean = values[:, lit].mean() / reference[lit].mean() - 1
+            errors = f"{noise[0]:.2%}, {noise[1]:.2%}"
+            row = [f"{lit.sum()} {what}", method, f"{mean:+.2%}", errors, f"{rms:.2%}", f"{without:.2%}", sure.sum()]
+            print("|", " | ".join(map(str, row)), "|", flush=True)
 
 
 def standard_error(values: np.ndarray) -> float:
