@@ -224,7 +224,9 @@ fn look(scene: &Scene, solved: &Solved, leaf: u32, stream: &mut SampleStream) ->
     if above(d) && pdf > 0.0 {
         let ray = Ray::new(s.offset_origin(d), d);
         let (radiance, meets_inside) = along(scene, solved, &ctx, ray, pdf);
-        if meets_inside && sum.is_black() && is_inside(scene, solved, &s) {
+        // Where bodies touch, light of the one seems to reach the inside of the other: what one ray has met does not tell.
+        let reaches_inside = solved.outside.get(leaf as usize).is_some_and(|&share| share < 1.0);
+        if (meets_inside || reaches_inside) && is_inside(scene, solved, &s) {
             return None;
         }
         sum += radiance * (n.dot(d) / pdf);
