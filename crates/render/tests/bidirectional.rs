@@ -194,7 +194,7 @@ fn lights_of_all_kinds() {
     }
 }
 
-/// A floor without end is lit by the sky beyond the sphere that holds all else, to where no walk from a light comes.
+/// A ball on a floor without end, whose light comes from a sky and a direction: to the horizon, and from beyond it to the ball.
 #[test]
 fn floors_without_end() {
     let mut desc = scene();
@@ -204,8 +204,12 @@ fn floors_without_end() {
     constant_sky(&mut desc, 0.8);
     add(&mut desc, LightDesc::Directional { direction: Vec3::new(-0.5, 1.0, -1.0), irradiance: [1.0; 3] });
     perspective(&mut desc, Vec3::new(0.0, -6.0, 2.0), Vec3::new(0.0, 0.0, 0.4), 50.0);
-    let path = reference(&desc, &base(256));
-    assert_same("bdpt floor", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.1);
+    let path = reference(&desc, &base(128));
+    assert_same("bdpt floor", &blocks(&desc, &method("bdpt", 8)), &path, ROUNDING, 0.1);
+    assert_same("light floor", &blocks(&desc, &method("light", 48)), &path, ROUNDING, 0.3);
+    assert_same("mlt floor", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.3);
+    let vcm = RenderSettings { photon_radius: Some(0.02), ..method("vcm", 8) };
+    assert_same("vcm floor", &blocks(&desc, &vcm), &path, 5e-3, 0.15);
 }
 
 #[test]

@@ -31,7 +31,8 @@ fn emitted(scene: &Scene, keep: impl Fn(Vec3, Vec3) -> bool) -> ([f64; 3], [f64;
         let Some(e) = sampler.sample(scene, rnd(7 * i + 5), rnd2(900_001 + i), rnd2(5_000_001 + i)) else { continue };
         assert!((sampler.pmf(e.light) - e.pmf).abs() < 1e-6);
         let light = &scene.lights[e.light as usize];
-        let (position, direction) = (sampler.pdf_position(scene, e.light, e.p), sampler.pdf_direction(scene, e.light, e.n, e.ray.d));
+        let (position, direction) =
+            (sampler.pdf_position(scene, e.light, e.p, e.ray.d), sampler.pdf_direction(scene, e.light, e.n, e.ray.d));
         assert!((position / e.pdf_position - 1.0).abs() < 1e-3, "{light:?}: {position} instead of {}", e.pdf_position);
         let at_border = matches!(light, Light::Environment(_));
         assert!(at_border || (direction / e.pdf_direction - 1.0).abs() < 1e-2, "{light:?}: {direction} instead of {}", e.pdf_direction);

@@ -13,7 +13,7 @@ use etendue_render::spectrum::Spectrum;
 use etendue_scene::desc::SpotFalloff;
 use glam::{EulerRot, Quat};
 
-const SCENE: SceneSphere = SceneSphere { center: Vec3::new(1.0, 2.0, 3.0), radius: 5.0 };
+const SCENE: SceneSphere = SceneSphere { center: Vec3::new(1.0, 2.0, 3.0), radius: 5.0, endless: false };
 
 fn rnd(i: u32) -> f32 {
     unit_float(mix32(i))

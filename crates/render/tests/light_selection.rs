@@ -12,7 +12,7 @@ use etendue_render::shape::{Shape, Sphere};
 use etendue_render::spectrum::Spectrum;
 use etendue_scene::desc::SpotFalloff;
 
-const SCENE: SceneSphere = SceneSphere { center: Vec3::ZERO, radius: 15.0 };
+const SCENE: SceneSphere = SceneSphere { center: Vec3::ZERO, radius: 15.0, endless: false };
 
 fn rnd(i: u32) -> f32 {
     unit_float(mix32(i))

@@ -258,6 +258,24 @@ fn other_lights_and_path_lengths_agree() {
     }
 }
 
+/// A ball on a floor without end under a sky: to the horizon, and from beyond it to the ball.
+#[test]
+fn floors_without_end_agree() {
+    let mut desc = scene();
+    let (gray, red) = (diffuse(&mut desc, 0.5), diffuse(&mut desc, 0.8));
+    shape(&mut desc, GeometryDesc::Plane, Mat4::IDENTITY, Some(gray));
+    sphere(&mut desc, Vec3::new(0.0, 0.0, 0.6), 0.5, Some(red));
+    constant_sky(&mut desc, 0.8);
+    perspective(&mut desc, Vec3::new(0.0, -6.0, 2.0), Vec3::new(0.0, 0.0, 0.4), 50.0);
+    let reference = blocks(&desc, &with("path", 256, |_| {}), 3);
+    for (name, spp, photons, bias) in
+        [("sppm", 48, 20_000, 0.03), ("photon", 32, 150_000, 0.06), ("particles", 32, 150_000, 0.15), ("pathmap", 64, 20_000, 0.03)]
+    {
+        let s = with(name, spp, |s| s.photons = Some(photons));
+        assert_agree(&format!("endless floor, {name}"), &blocks(&desc, &s, 4), &reference, bias);
+    }
+}
+
 /// Light in fog, the lamp within it, by points and by beams.
 #[test]
 fn fog_agrees() {

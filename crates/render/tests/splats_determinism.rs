@@ -1,4 +1,4 @@
-//! Methods that bring light to other pixels make the same film bit for bit, whoever renders it, in whatever order and pieces.
+//! Methods that bring light to other pixels, or trace photons, make the same film bit for bit, whoever renders it, in whatever order and pieces.
 
 #![allow(clippy::unwrap_used, clippy::panic, reason = "helpers of tests")]
 
@@ -16,6 +16,7 @@ use support::*;
 
 const SPP: u32 = 6;
 const METHODS: [&str; 4] = ["light", "bdpt", "vcm", "mlt"];
+const WITH_PHOTONS: [&str; 5] = ["pathmap", "sppm", "photon", "particles", "auto"];
 
 /// Diffuse, glass and rough surfaces, a lamp with a light group, and a sky.
 fn some_of_everything() -> SceneDesc {
@@ -43,6 +44,7 @@ fn wanted(method: &str) -> RenderSettings {
         filter: Some("gaussian".into()),
         max_depth: Some(5),
         photon_radius: Some(0.05),
+        photons: WITH_PHOTONS.contains(&method).then_some(3000),
         light_groups: true,
         seed: 5,
         // Several tiles, the last ones cut.
@@ -97,7 +99,7 @@ impl Observer for Interrupt {
 
 #[test]
 fn threads_tiles_parts_and_interruptions_do_not_matter() {
-    for method in METHODS {
+    for method in METHODS.into_iter().chain(WITH_PHOTONS) {
         let whole = bytes(&reference(method, None));
         for threads in [1, 3] {
             let film = with_threads(threads, || {

@@ -11,7 +11,7 @@
 //! paths that run into bright caustics by chance would be most of the noise.)
 
 use super::caustics::{Caustics, Place, Start};
-use super::photon_settings::{PhotonSettings, median_distance};
+use super::photon_settings::{PhotonSettings, Reach, median_distance};
 use super::photon_walk::MAX_PDF;
 use super::sppm::{NEIGHBORS, PHOTONS, PILOT, shrink, trees};
 use super::{Estimate, Stage};
@@ -37,7 +37,8 @@ pub(super) struct CausticMap {
     scale: f32,
     /// Radius over the first one.
     shrink: f32,
-    reach: f32,
+    /// From `prepare` on.
+    reach: Option<Reach>,
     least: f32,
     /// Whether photons leave the light of an index.
     has_photons: Vec<bool>,
@@ -57,8 +58,8 @@ impl CausticMap {
     /// With settings; photons come with the passes.
     pub fn new(settings: PhotonSettings) -> Self {
         let (pilot, pass) = Default::default();
-        let (scale, shrink, reach, least) = (0.0, 1.0, 0.0, 0.0);
-        Self { settings, photons: 0, pilot, pass, scale, shrink, reach, least, has_photons: Vec::new(), notes: Vec::new() }
+        let (scale, shrink, least) = (0.0, 1.0, 0.0);
+        Self { settings, photons: 0, pilot, pass, scale, shrink, reach: None, least, has_photons: Vec::new(), notes: Vec::new() }
     }
 
     /// Whether the pilot found no such light: then the map has none.
@@ -81,7 +82,8 @@ impl CausticMap {
         }
         let pixels = stage.size[0].saturating_mul(stage.size[1]);
         self.photons = self.settings.photons.unwrap_or(pixels.clamp(PHOTONS[0], PHOTONS[1]));
-        self.reach = self.settings.reach(scene);
+        let reach = self.settings.reach(scene);
+        self.reach = Some(reach);
         self.least = 1e-6 * scene.sphere().radius;
         let by_power = LightSampler::new(&scene.lights, &scene.sphere(), LightSelection::Power);
         let ctx = LightContext { p: Vec3::ZERO, n: Vec3::ZERO };
@@ -96,8 +98,8 @@ impl CausticMap {
         }
         let first = match (self.settings.radius, &self.pilot[0]) {
             (Some(radius), _) => format!("{radius}"),
-            (None, tree) if tree.is_empty() => format!("{}", self.reach),
-            (None, tree) => format!("about {:.2e}", median_distance(tree, self.neighbors(), self.reach, stage.seed)),
+            (None, tree) if tree.is_empty() => format!("{}", reach.near),
+            (None, tree) => format!("about {:.2e}", median_distance(tree, self.neighbors(), reach.near, stage.seed)),
         };
         self.notes = vec![format!(
             "pathmap: biased is light that comes from the lights by mirrors and glass first; {} photons in each pass blur its caustics \
@@ -152,6 +154,7 @@ impl Caustics for CausticMap {
             return;
         }
         let query = Query { s, scatter, wo: start.wo, max_pdf: MAX_PDF };
+        let reach = self.reach.map_or(0.0, |r| r.at(s.p));
         let mut found = Neighbors::new();
         for (pilot, tree) in self.pilot.iter().zip(&self.pass) {
             if tree.is_empty() {
@@ -159,7 +162,7 @@ impl Caustics for CausticMap {
             }
             let first = match self.settings.radius {
                 Some(radius) => radius,
-                None => pilot.nearest(s.p, self.neighbors(), self.reach, |photon| query.lands(photon), &mut found).sqrt(),
+                None => pilot.nearest(s.p, self.neighbors(), reach, |photon| query.lands(photon), &mut found).sqrt(),
             };
             let radius = (first * self.shrink).max(self.least);
             let accept = |photon: &Photon| self.settings.accepts(photon, depths[0]);

@@ -6,14 +6,13 @@
 use rayon::prelude::*;
 
 use crate::accel::{Hit, Ray};
-use crate::light::{Light, LightContext, LightSampler, LightSelection, SceneSphere};
-use crate::math::{INV_PI, PI, Vec2, Vec3, warp};
+use crate::light::{EmissionSample, Light, LightContext, LightSampler, LightSelection, SceneSphere};
+use crate::math::{INV_PI, Vec2, Vec3, warp};
 use crate::medium::MediumStack;
 use crate::scene::{Scene, Surface};
-use crate::shape::Shape;
 use crate::spectrum::Spectrum;
 
-/// Borders between the camera and a light that are looked at to find the light's medium.
+/// Surfaces that are passed on the way to a light: from the camera to find the light's medium, or against the light to where it comes from.
 const MAX_BORDERS: u32 = 4096;
 
 /// A ray that leaves a light.
@@ -25,7 +24,7 @@ pub struct Emission {
     pub group: u32,
     /// The ray; it starts so far off the light's surface that it does not meet it again.
     pub ray: Ray,
-    /// The point of the light, or for infinite lights of a disk outside of the scene.
+    /// The point of the light, or for infinite lights one outside of the scene.
     pub p: Vec3,
     /// Unit normal of the light there, on the side of the ray; the ray's direction where it has none.
     pub n: Vec3,
@@ -59,8 +58,6 @@ pub struct EmissionSampler {
     sphere: SceneSphere,
     /// The media that each light is in; empty where the scene has none.
     media: Vec<MediumStack>,
-    /// Surfaces without end may be between the sphere and infinite lights.
-    may_hide: bool,
 }
 
 impl EmissionSampler {
@@ -69,8 +66,7 @@ impl EmissionSampler {
         let sphere = scene.sphere();
         let lights = LightSampler::new(&scene.lights, &sphere, LightSelection::Power);
         let media = if scene.has_media { scene.lights.par_iter().map(|l| media_at(scene, &sphere, l)).collect() } else { Vec::new() };
-        let may_hide = scene.solids.is_some() || scene.geometries.iter().any(|g| g.shapes.iter().any(|s| matches!(s, Shape::Plane(_))));
-        Self { lights, sphere, media, may_hide }
+        Self { lights, sphere, media }
     }
 
     /// The media that the rays of a light start in. One for the whole light: a border may not go through it.
@@ -79,7 +75,7 @@ impl EmissionSampler {
         self.media.get(light as usize).copied().unwrap_or_default()
     }
 
-    /// The sphere on which infinite lights shine: what is outside of it (of unbounded planes) they do not reach.
+    /// The sphere on which infinite lights shine.
     pub fn sphere(&self) -> &SceneSphere {
         &self.sphere
     }
@@ -93,7 +89,7 @@ impl EmissionSampler {
     /// A ray for random numbers in [0, 1); `None` where nothing is emitted, which counts as a ray without power.
     pub fn sample(&self, scene: &Scene, u_light: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (light, pmf) = self.lights.sample(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, u_light)?;
-        let sample = scene.lights[light as usize].emit(&self.sphere, u_position, u_direction)?;
+        let sample = emit(scene, &self.sphere, &scene.lights[light as usize], u_position, u_direction)?;
         let surface = match &scene.lights[light as usize] {
             Light::Area(area) => {
                 let source = scene.light_sources[area.emission_id as usize];
@@ -120,35 +116,22 @@ impl EmissionSampler {
             pdf_position: sample.pdf_position,
             pdf_direction: sample.pdf_direction,
         };
-        let from = &scene.lights[light as usize];
-        if self.may_hide && from.is_infinite() && scene.stops_light(&Ray::new(sample.o, -sample.d), from.is_delta()) {
-            return None;
-        }
         // Lights of 1e-30 m or 1e30 W may overflow: they count as dark.
         let power = emission.power();
         (power.is_finite() && !power.is_black()).then_some(emission)
     }
 
-    /// The density of the start of a ray that leaves a light: at the point `p` of an area light, by area; for infinite lights,
-    /// across the ray; 1 where it is a delta. The choice of the light is not in it.
-    pub fn pdf_position(&self, scene: &Scene, light: u32, p: Vec3) -> f32 {
+    /// The density of the start of a ray that leaves a light along the unit direction `d`: at the point `p` of an area light, by area; for
+    /// infinite lights, across the ray, of rays that come to `p`; 1 where it is a delta. The choice of the light is not in it.
+    pub fn pdf_position(&self, scene: &Scene, light: u32, p: Vec3, d: Vec3) -> f32 {
         match &scene.lights[light as usize] {
             Light::Area(area) => area.pdf_area(p) * if area.two_sided { 0.5 } else { 1.0 },
             Light::Point(_) | Light::Spot(_) => 1.0,
             Light::Directional(_) | Light::Sun(_) | Light::Constant(_) | Light::Environment(_) => {
-                1.0 / (PI * self.sphere.radius * self.sphere.radius)
+                let from = p - self.sphere.center;
+                self.sphere.pdf_across((from - d * from.dot(d)).length_squared())
             }
         }
-    }
-
-    /// Whether rays of infinite lights along the unit direction `d` come to a point: those leave a disk that covers the scene's sphere alone.
-    #[inline]
-    pub fn reaches(&self, p: Vec3, d: Vec3) -> bool {
-        let from = p - self.sphere.center;
-        let along = from.dot(d);
-        // The sphere may end at a corner of the scene, which rounding must not put outside.
-        let radius = self.sphere.radius * (1.0 + 1e-4);
-        along >= -radius && (from - d * along).length_squared() <= radius * radius
     }
 
     /// The density per solid angle of a ray's unit direction `d`, given the light and (for area lights) its normal at the start,
@@ -167,10 +150,27 @@ impl EmissionSampler {
     }
 }
 
+/// A ray that leaves a light. That of an infinite light starts before the first surface that is in its way, however far away: surfaces without
+/// end may be between the light and the disk where other rays start.
+fn emit(scene: &Scene, sphere: &SceneSphere, light: &Light, u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
+    let mut sample = light.emit(sphere, u_position, u_direction)?;
+    if sphere.endless && light.is_infinite() {
+        let mut surfaces = 0;
+        while let Some(s) = scene.intersect(&Ray::new(sample.o, -sample.d)) {
+            surfaces += 1;
+            if surfaces > MAX_BORDERS {
+                return None;
+            }
+            sample.o = s.offset_origin(-sample.d);
+        }
+    }
+    Some(sample)
+}
+
 /// The media at a light: those that a straight way from the camera, whose media are known, comes to.
 fn media_at(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
     let mut media = scene.camera_medium;
-    let Some(start) = light.emit(sphere, Vec2::splat(0.5), Vec2::splat(0.5)) else { return media };
+    let Some(start) = emit(scene, sphere, light, Vec2::splat(0.5), Vec2::splat(0.5)) else { return media };
     // A little before the light on the side to which it shines.
     let end = start.o + start.d * (1e-4 * sphere.radius);
     let mut o = scene.camera.ray(Vec2::ZERO, Vec2::splat(0.5)).ray.o;

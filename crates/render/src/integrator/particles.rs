@@ -6,7 +6,7 @@
 //! to keep.
 
 use super::photon_beams::PhotonBeams;
-use super::photon_settings::{PhotonSettings, volume_radius};
+use super::photon_settings::{PhotonSettings, Reach, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk};
 use super::{Estimate, Integrator, Stage};
 use crate::camera::CameraRay;
@@ -21,7 +21,8 @@ pub struct Particles {
     volume: PhotonTree,
     beams: PhotonBeams,
     volume_radius: f32,
-    reach: f32,
+    /// From `prepare` on.
+    reach: Option<Reach>,
     scale: f32,
     notes: Vec<String>,
 }
@@ -30,7 +31,7 @@ impl Particles {
     /// With settings; the map comes in `prepare`.
     pub fn new(settings: PhotonSettings) -> Self {
         let (surface, volume) = (PhotonTree::default(), PhotonTree::default());
-        Self { settings, surface, volume, beams: PhotonBeams::default(), volume_radius: 0.0, reach: 0.0, scale: 0.0, notes: Vec::new() }
+        Self { settings, surface, volume, beams: PhotonBeams::default(), volume_radius: 0.0, reach: None, scale: 0.0, notes: Vec::new() }
     }
 }
 
@@ -39,7 +40,7 @@ impl Integrator for Particles {
         self.notes.clear();
         let map = self.settings.map(scene, stage, &mut self.notes)?;
         self.scale = map.scale();
-        self.reach = self.settings.reach(scene);
+        self.reach = Some(self.settings.reach(scene));
         let (seed, traced) = (map.info.seed, map.traced());
         let (surface, volume) = map.into_photons();
         (self.surface, self.volume) = rayon::join(|| PhotonTree::new(surface), || PhotonTree::new(volume));
@@ -68,7 +69,8 @@ impl Gather for Particles {
     fn surface(&self, _scene: &Scene, at: &At, _stream: &mut SampleStream, _rng: &mut HashRng, out: &mut Estimate) {
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: MAX_PDF };
         let accept = |photon: &_| self.settings.accepts(photon, at.depth);
-        query.radiance_nearest(&self.surface, self.settings.count(), self.reach, self.scale, accept, |light, group| {
+        let reach = self.reach.map_or(0.0, |r| r.at(at.s.p));
+        query.radiance_nearest(&self.surface, self.settings.count(), reach, self.scale, accept, |light, group| {
             out.add(at.throughput * light, group);
         });
     }

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::particles::add_volume;
 use super::photon_beams::PhotonBeams;
-use super::photon_settings::{PhotonSettings, volume_radius};
+use super::photon_settings::{PhotonSettings, Reach, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk, direct};
 use super::{Estimate, Integrator, Stage};
 use crate::accel::Ray;
@@ -58,7 +58,8 @@ pub struct PhotonMapping {
     /// Irradiance at the photons of the global map, where it can stand for them.
     irradiance: Vec<[f32; 3]>,
     volume_radius: f32,
-    reach: f32,
+    /// From `prepare` on.
+    reach: Option<Reach>,
     scale: f32,
     notes: Vec<String>,
 }
@@ -75,15 +76,21 @@ impl PhotonMapping {
             beams: PhotonBeams::default(),
             irradiance: Vec::new(),
             volume_radius: 0.0,
-            reach: 0.0,
+            reach: None,
             scale: 0.0,
             notes: Vec::new(),
         }
     }
 
+    /// How far estimates reach at a point.
+    #[inline]
+    fn reach_at(&self, p: Vec3) -> f32 {
+        self.reach.map_or(0.0, |r| r.at(p))
+    }
+
     /// Computes the irradiance at all photons of the global map.
     fn precompute(&mut self, stage: &Stage) {
-        let (global, count, reach, scale) = (&self.global, self.settings.count(), self.reach, self.scale);
+        let (global, count, scale) = (&self.global, self.settings.count(), self.scale);
         let mut irradiance = vec![[0.0; 3]; global.len()];
         let parts = irradiance.len().div_ceil(1 << 14).max(1);
         for (part, out) in irradiance.chunks_mut(1 << 14).enumerate() {
@@ -92,6 +99,7 @@ impl PhotonMapping {
             }
             out.par_iter_mut().enumerate().for_each(|(i, out)| {
                 let photon = global.photon((part << 14 | i) as u32);
+                let reach = self.reach_at(photon.position());
                 *out = estimate::irradiance(global, photon.position(), photon.normal(), count, reach, scale).rgb();
             });
             (stage.progress)("irradiance at the photons", (part + 1) as f64 / parts as f64);
@@ -106,7 +114,7 @@ impl PhotonMapping {
             let n = if at.s.ng.dot(at.wo) < 0.0 { -at.s.ng } else { at.s.ng };
             let mut found = Neighbors::new();
             // The nearest photon's normal may be a little off; its own estimate has taken photons of such normals.
-            self.global.nearest(at.s.p, 1, self.reach, |photon| photon.normal().dot(n) > 0.9, &mut found);
+            self.global.nearest(at.s.p, 1, self.reach_at(at.s.p), |photon| photon.normal().dot(n) > 0.9, &mut found);
             if let Some(&(_, index)) = found.first() {
                 let irradiance = Spectrum::from_rgb(self.irradiance[index as usize]);
                 out.add(at.throughput * at.scatter.albedo(at.wo) * irradiance * INV_PI, 0);
@@ -115,7 +123,7 @@ impl PhotonMapping {
         }
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: f32::INFINITY };
         let accept = |photon: &Photon| self.settings.accepts(photon, at.depth);
-        query.radiance_nearest(&self.global, self.settings.count(), self.reach, self.scale, accept, |light, group| {
+        query.radiance_nearest(&self.global, self.settings.count(), self.reach_at(at.s.p), self.scale, accept, |light, group| {
             out.add(at.throughput * light, group);
         });
     }
@@ -123,7 +131,7 @@ impl PhotonMapping {
     fn add_caustics(&self, at: &At, max_pdf: f32, out: &mut Estimate) {
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf };
         let accept = |photon: &Photon| self.settings.accepts(photon, at.depth);
-        query.radiance_nearest(&self.caustic, self.settings.count(), self.reach, self.scale, accept, |light, group| {
+        query.radiance_nearest(&self.caustic, self.settings.count(), self.reach_at(at.s.p), self.scale, accept, |light, group| {
             out.add(at.throughput * light, group);
         });
     }
@@ -167,7 +175,7 @@ impl PhotonMapping {
             role = Role::Guide;
             if scatter.has_diffuse() {
                 let at = At { s: &s, scatter: &scatter, wo, throughput, depth, media: &media };
-                if !was_near && s.t < self.reach && self.search_radius(&s) > s.t {
+                if !was_near && s.t < self.reach_at(s.p) && self.search_radius(&s) > s.t {
                     (role, was_near) = (Role::Near, true);
                     direct(scene, &at, f32::INFINITY, stream, rng, out);
                     self.add_caustics(&at, f32::INFINITY, out);
@@ -185,7 +193,7 @@ impl PhotonMapping {
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: MAX_PDF };
         let mut found = Neighbors::new();
         let useful = |photon: &Photon| photon.route() == Route::Indirect && query.lands(photon);
-        self.global.nearest(at.s.p, GUIDES, self.reach, useful, &mut found);
+        self.global.nearest(at.s.p, GUIDES, self.reach_at(at.s.p), useful, &mut found);
         let guides: ArrayVec<(Vec3, f32), GUIDES> = found
             .iter()
             .take(GUIDES)
@@ -223,7 +231,7 @@ impl PhotonMapping {
     /// How far the estimate of the global map reaches at a point.
     fn search_radius(&self, s: &Surface) -> f32 {
         let mut found = Neighbors::new();
-        self.global.nearest(s.p, self.settings.count(), self.reach, |p| p.normal().dot(s.ng).abs() > 0.7, &mut found).sqrt()
+        self.global.nearest(s.p, self.settings.count(), self.reach_at(s.p), |p| p.normal().dot(s.ng).abs() > 0.7, &mut found).sqrt()
     }
 }
 
@@ -251,7 +259,7 @@ impl Integrator for PhotonMapping {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         self.notes.clear();
         let mut map = self.settings.map(scene, stage, &mut self.notes)?;
-        self.reach = self.settings.reach(scene);
+        self.reach = Some(self.settings.reach(scene));
         // Irradiance knows neither light groups nor the lengths of paths.
         let precompute = scene.group_names.len() == 1 && self.settings.max_depth.is_none();
         let record = crate::photon::map::BYTES_PER_PHOTON;

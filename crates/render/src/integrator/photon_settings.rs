@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use etendue_scene::RenderSettings;
 
 use super::Stage;
-use crate::light::Light;
-use crate::math::{Vec2, hash::hash_words};
+use crate::light::{Light, SceneSphere};
+use crate::math::{Vec2, Vec3, hash::hash_words};
 use crate::photon::tree::Neighbors;
 use crate::photon::{Contents, MapInfo, Photon, PhotonMap, PhotonTree, estimate};
 use crate::sampler::{Sampler, SamplerKind};
@@ -18,6 +18,8 @@ pub const DEFAULT_PHOTONS: u32 = 1_000_000;
 const DEFAULT_NEIGHBORS: u32 = 64;
 /// Photons that a medium's estimate is meant to find along a ray of the length of the scene.
 const VOLUME_NEIGHBORS: usize = 12;
+/// Reach in scenes without end, over the distance from the middle.
+const MOST_OF_DISTANCE: f32 = 0.3;
 /// Photons looked at to find the scale of a map.
 const PROBES: u64 = 256;
 
@@ -40,6 +42,28 @@ pub struct PhotonSettings {
     pub max_depth: Option<u32>,
     /// Scattering events after which Russian roulette may end a path from the camera.
     pub rr_depth: u32,
+}
+
+/// Farthest reach of estimates at a place.
+#[derive(Clone, Copy, Debug)]
+pub struct Reach {
+    /// Within the scene's sphere.
+    pub near: f32,
+    about: SceneSphere,
+    grows: bool,
+}
+
+impl Reach {
+    /// At a point. Around the sphere of scenes without end photons are as rare as the cube of the distance ([`SceneSphere::sample_across`]).
+    #[inline]
+    pub fn at(&self, p: Vec3) -> f32 {
+        if !(self.grows && self.about.endless) {
+            return self.near;
+        }
+        let radii = (p.distance(self.about.center) / self.about.radius).max(1.0);
+        let farthest = (MOST_OF_DISTANCE * self.about.radius * radii).max(self.near);
+        (self.near * radii * radii.sqrt()).min(farthest)
+    }
 }
 
 impl PhotonSettings {
@@ -71,8 +95,8 @@ impl PhotonSettings {
     }
 
     /// Farthest reach of estimates.
-    pub fn reach(&self, scene: &Scene) -> f32 {
-        self.radius.unwrap_or_else(|| estimate::default_radius(scene))
+    pub fn reach(&self, scene: &Scene) -> Reach {
+        Reach { near: self.radius.unwrap_or_else(|| estimate::default_radius(scene)), about: scene.sphere(), grows: self.radius.is_none() }
     }
 
     /// Photons that an estimate looks at.

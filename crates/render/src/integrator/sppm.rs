@@ -10,7 +10,7 @@
 
 use super::particles::add_volume;
 use super::photon_beams::PhotonBeams;
-use super::photon_settings::{PhotonSettings, limits, volume_radius};
+use super::photon_settings::{PhotonSettings, Reach, limits, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk};
 use super::{Estimate, Integrator, Stage};
 use crate::camera::CameraRay;
@@ -51,7 +51,8 @@ pub struct Sppm {
     shrink: f32,
     volume_radius: f32,
     beam_radius: f32,
-    reach: f32,
+    /// From `prepare` on.
+    reach: Option<Reach>,
     least: f32,
     notes: Vec<String>,
 }
@@ -60,9 +61,8 @@ impl Sppm {
     /// With settings; photons come with the passes.
     pub fn new(settings: PhotonSettings) -> Self {
         let (pilot, pass) = (Pass::default(), Pass::default());
-        let radii = [0.0; 4];
-        let [volume_radius, beam_radius, reach, least] = radii;
-        Self { settings, photons: 0, pilot, pass, shrink: 1.0, volume_radius, beam_radius, reach, least, notes: Vec::new() }
+        let [volume_radius, beam_radius, least] = [0.0; 3];
+        Self { settings, photons: 0, pilot, pass, shrink: 1.0, volume_radius, beam_radius, reach: None, least, notes: Vec::new() }
     }
 
     fn trace(&self, scene: &Scene, pass: u32, stage: &Stage) -> Pass {
@@ -111,7 +111,7 @@ impl Integrator for Sppm {
         }
         let pixels = stage.size[0].saturating_mul(stage.size[1]);
         self.photons = self.settings.photons.unwrap_or(pixels.clamp(PHOTONS[0], PHOTONS[1]));
-        self.reach = self.settings.reach(scene);
+        self.reach = Some(self.settings.reach(scene));
         self.least = 1e-6 * scene.sphere().radius;
         self.pilot = self.trace(scene, PILOT, stage);
         self.volume_radius = self.settings.radius.unwrap_or_else(|| volume_radius(scene, &self.pilot.volume, stage.seed));
@@ -163,6 +163,7 @@ impl Gather for Sppm {
     fn surface(&self, _scene: &Scene, at: &At, _stream: &mut SampleStream, _rng: &mut HashRng, out: &mut Estimate) {
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: MAX_PDF };
         let count = self.settings.neighbors.unwrap_or(NEIGHBORS) as usize;
+        let reach = self.reach.map_or(0.0, |r| r.at(at.s.p));
         let mut found = Neighbors::new();
         for (pilot, tree) in [(&self.pilot.caustic, &self.pass.caustic), (&self.pilot.indirect, &self.pass.indirect)] {
             if tree.is_empty() {
@@ -170,7 +171,7 @@ impl Gather for Sppm {
             }
             let first = match self.settings.radius {
                 Some(radius) => radius,
-                None => pilot.nearest(at.s.p, count, self.reach, |photon| query.lands(photon), &mut found).sqrt(),
+                None => pilot.nearest(at.s.p, count, reach, |photon| query.lands(photon), &mut found).sqrt(),
             };
             let radius = (first * self.shrink).max(self.least);
             let accept = |photon: &Photon| self.settings.accepts(photon, at.depth);

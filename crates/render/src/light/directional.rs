@@ -108,11 +108,11 @@ pub(super) fn infinite_sample(ctx: &LightContext, wi: Vec3, radiance: Spectrum, 
     LightSample { wi, dist: f32::INFINITY, p: ctx.p, n: -wi, uv: Vec2::ZERO, radiance, pdf, delta: false }
 }
 
-/// A ray against `wi` that starts on a disk across it, as large as the scene and outside of it.
+/// A ray against `wi` that starts on a disk across it, as large as the scene and outside of it; of scenes without end around it as well.
 #[inline]
 pub(super) fn infinite_emission(scene: &SceneSphere, u: Vec2, wi: Vec3, radiance: Spectrum, pdf_direction: f32) -> Option<EmissionSample> {
-    let q = warp::disk_concentric(u) * scene.radius;
-    let pdf_position = 1.0 / (PI * scene.radius * scene.radius);
+    let q = scene.sample_across(u);
+    let pdf_position = scene.pdf_across(q.length_squared());
     let usable = pdf_position.is_finite() && pdf_direction > 0.0 && !radiance.is_black();
     usable.then(|| EmissionSample {
         o: scene.center + Frame::from_normal(wi).world_from_local(Vec3::new(q.x, q.y, scene.radius)),

@@ -38,7 +38,7 @@ pub use point::PointLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;
 
-use crate::math::{Vec2, Vec3};
+use crate::math::{ONE_MINUS_EPSILON, PI, TAU, Vec2, Vec3, fns, warp};
 use crate::spectrum::Spectrum;
 
 /// Where light is to arrive.
@@ -99,6 +99,52 @@ pub struct SceneSphere {
     pub center: Vec3,
     /// Radius.
     pub radius: f32,
+    /// Whether surfaces reach beyond it without end.
+    pub endless: bool,
+}
+
+/// Shares of the rays of infinite lights in scenes without end: across the sphere itself, and about it in two widths, in radii.
+const ENDLESS_SHARES: [f32; 2] = [0.5, 0.25];
+const ENDLESS_WIDTHS: [f32; 2] = [1.0, 16.0];
+
+impl SceneSphere {
+    /// Where rays that come from infinitely far pass the sphere's middle, in a plane across them.
+    ///
+    /// Scenes that end are covered evenly. What lies without end gets half of the rays, of the density w / (2π (w² + r²)^(3/2)): as a picture of
+    /// a plane that is taken from the height w above it has its pixels, so that rays neither pile up at the horizon of
+    /// pictures nor get rare there.
+    pub fn sample_across(&self, u: Vec2) -> Vec2 {
+        let [middle, near] = ENDLESS_SHARES;
+        if !self.endless {
+            return warp::disk_concentric(u) * self.radius;
+        }
+        if u.x < middle {
+            return warp::disk_concentric(Vec2::new(u.x / middle, u.y)) * self.radius;
+        }
+        let u_x = u.x - middle;
+        let (width, u_x) =
+            if u_x < near { (ENDLESS_WIDTHS[0], u_x / near) } else { (ENDLESS_WIDTHS[1], (u_x - near) / (1.0 - middle - near)) };
+        let secant = 1.0 / (1.0 - u_x.min(ONE_MINUS_EPSILON));
+        let (sin_phi, cos_phi) = fns::sin_cos(TAU * u.y);
+        Vec2::new(cos_phi, sin_phi) * (width * self.radius * (secant * secant - 1.0).max(0.0).sqrt())
+    }
+
+    /// The density of [`Self::sample_across`] by area, from the squared distance to the middle.
+    #[inline]
+    pub fn pdf_across(&self, distance_2: f32) -> f32 {
+        let even = 1.0 / (PI * self.radius * self.radius);
+        if !self.endless {
+            return even;
+        }
+        let [middle, near] = ENDLESS_SHARES;
+        let about = |width: f32| {
+            let width = width * self.radius;
+            let secant_2 = 1.0 + distance_2 / (width * width);
+            1.0 / (TAU * width * width * secant_2 * secant_2.sqrt())
+        };
+        let inside = if distance_2 <= self.radius * self.radius { middle * even } else { 0.0 };
+        inside + near * about(ENDLESS_WIDTHS[0]) + (1.0 - middle - near) * about(ENDLESS_WIDTHS[1])
+    }
 }
 
 macro_rules! lights {

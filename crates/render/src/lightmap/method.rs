@@ -57,7 +57,7 @@ impl Method {
                 let rr_depth = settings.rr_depth.unwrap_or(4).min(1000);
                 let own = PhotonSettings::new(settings, settings.max_depth, rr_depth).map_err(BakeError::Setting)?;
                 let map = own.map(scene, stage, notes).map_err(BakeError::Setting)?;
-                let light = PhotonLight::new(map, own.count(), own.reach(scene));
+                let light = PhotonLight::new(map, own.count(), own.reach(scene).near);
                 if gather { Box::new(light.coarse(scene)) } else { Box::new(light) }
             }
             _ => return Err(BakeError::Setting(format!("no method `{name}`; there are {}", NAMES.join(", ")))),

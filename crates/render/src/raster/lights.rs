@@ -68,7 +68,7 @@ pub fn light_groups(scene: &Scene) -> Vec<LightGroup> {
     let mut groups = Vec::new();
     let mut by_object: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
     let (center, radius) = scene.bounds.bounding_sphere();
-    let sphere = crate::light::SceneSphere { center, radius: radius.max(1e-6) };
+    let sphere = crate::light::SceneSphere { center, radius: radius.max(1e-6), endless: scene.endless };
     let power = |i: u32| {
         let p = scene.lights[i as usize].power(&sphere).luminance();
         if p.is_finite() { p.max(0.0) } else { 0.0 }

@@ -76,6 +76,8 @@ pub struct Scene {
     pub view: Option<View>,
     /// Box of all bounded geometry.
     pub bounds: Aabb,
+    /// Whether surfaces without end reach beyond `bounds`.
+    pub endless: bool,
     /// Whether any material lets light straight through, so that shadow rays must look.
     pub has_null: bool,
     /// Texture look-ups fit the footprints of rays.
@@ -96,7 +98,12 @@ impl Scene {
     /// The sphere around everything bounded: what infinite lights shine on.
     pub fn sphere(&self) -> SceneSphere {
         let (center, radius) = self.bounds.bounding_sphere();
-        if radius.is_finite() && radius > 0.0 { SceneSphere { center, radius } } else { SceneSphere { center: Vec3::ZERO, radius: 1.0 } }
+        let endless = self.endless;
+        if radius.is_finite() && radius > 0.0 {
+            SceneSphere { center, radius, endless }
+        } else {
+            SceneSphere { center: Vec3::ZERO, radius: 1.0, endless }
+        }
     }
 
     /// The medium that a path is in; `None` in empty space.

@@ -84,6 +84,11 @@ impl World {
         bounds.filter(Bounds::is_finite).fold(Bounds::EMPTY, Bounds::union)
     }
 
+    /// Whether some surfaces have no finite box.
+    pub fn is_endless(&self) -> bool {
+        self.tree.roots.iter().any(|&r| !self.tree.nodes[r as usize].bounds.is_finite())
+    }
+
     /// The objects of the leaves, by [`SolidHit::leaf`].
     pub fn leaf_objects(&self) -> impl Iterator<Item = &Object> {
         self.tree.leaves.iter().map(|l| &*l.object)

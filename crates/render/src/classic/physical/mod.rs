@@ -131,6 +131,11 @@ impl Physical {
         if b.is_empty() { Aabb::EMPTY } else { Aabb { min: b.min.as_vec3(), max: b.max.as_vec3() } }
     }
 
+    /// Whether some surfaces have no finite box.
+    pub(crate) fn is_endless(&self) -> bool {
+        self.classic.world.is_endless()
+    }
+
     /// Adds an object for each leaf, so that surfaces have emission, interiors and numbers like all others. `material` is what surfaces
     /// without solid would have.
     pub(crate) fn add_objects(&mut self, objects: &mut Vec<Object>, media: &mut Vec<Medium>, material: u32) {

@@ -66,11 +66,9 @@ impl Bidirectional {
     fn emission_densities(&self, scene: &Scene, light: u32, p: Vec3, n: Vec3, d: Vec3, cos: f32, distance_2: f32) -> (f32, f32) {
         let Some(emission) = &self.emission else { return (0.0, 0.0) };
         let pmf = emission.pmf(light);
-        let (position, direction) = (emission.pdf_position(scene, light, p), emission.pdf_direction(scene, light, n, d));
+        let (position, direction) = (emission.pdf_position(scene, light, p, d), emission.pdf_direction(scene, light, n, d));
         if scene.lights[light as usize].is_infinite() {
-            // Surfaces without end lie where the sphere's light does not go: only the camera's walk makes such paths.
-            let reached = emission.reaches(p, d);
-            (pmf * direction, if reached { position * cos } else { 0.0 })
+            (pmf * direction, position * cos)
         } else {
             (pmf * position, direction * cos / distance_2)
         }

@@ -16,6 +16,7 @@ use crate::classic::physical::{MeshOptions, Physical, meshes};
 use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
 use crate::material;
 use crate::medium::{self, MediumStack};
+use crate::shape::Shape;
 use crate::texture;
 pub(crate) use geometry::vertex_normals;
 use geometry::{Context, Placed};
@@ -101,9 +102,11 @@ fn compile_with(
     let has_null = solids.is_some() || geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
     let (mut media, warnings) = medium::compile(desc);
     let mut bounds = accel.bounds();
+    let mut endless = geometries.iter().any(|g| g.shapes.iter().any(|s| matches!(s, Shape::Plane(_))));
     let mut geometries = geometries;
     if let Some(solids) = &mut solids {
         bounds = bounds.union(solids.bounds());
+        endless |= solids.is_endless();
         solids.add_objects(&mut geometries[0].objects, &mut media, 0);
     }
     let environment = solids.as_ref().and_then(|s| s.environment());
@@ -111,6 +114,7 @@ fn compile_with(
     let media_in_use = geometries.iter().flat_map(|g| &g.objects).any(has_border);
     let mut scene = Scene {
         bounds,
+        endless,
         geometries,
         placements,
         accel,
@@ -134,7 +138,11 @@ fn compile_with(
         light_groups: Vec::new(),
         group_names: groups.into_names(),
         infinite_lights: Vec::new(),
-        light_sampler: LightSampler::new(&[], &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0 }, LightSelection::Uniform),
+        light_sampler: LightSampler::new(
+            &[],
+            &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0, endless: false },
+            LightSelection::Uniform,
+        ),
     };
     lights::add(&mut scene, desc, settings, environment)?;
     if scene.has_media {
