@@ -90,6 +90,35 @@ fn mitsuba_grid_volumes_are_read_and_come_back() {
     assert_eq!(again.shapes[0].value.interior, Some(MediumId(0)));
 }
 
+/// Files of OpenVDB, whose own place is kept, where Mitsuba and pbrt have volumes.
+#[test]
+fn openvdb_files_are_read() {
+    let folder = TempFolder::new("media-vdb");
+    let vdb = include_bytes!("data/openvdb/grid-half-zip.vdb");
+    folder.put("smoke.vdb", vdb.as_slice());
+    let xml = SMOKE.replace("smoke.vol", "smoke.vdb").replace(r#"<boolean name="use_grid_bbox" value="true"/>"#, "");
+    let desc = read(&folder.put("scene.xml", &xml), &ReadOptions::default()).unwrap();
+    let v = volume(&desc, &grid(&desc, 0).extinction);
+    assert_eq!((v.size, v.channels, v.filter), ([25, 13, 15], 1, VolumeFilter::Nearest));
+    // Values are half a unit apart; the first is that of the indices 0, -1, 2, and the file's to_world adds 10 along x.
+    assert_eq!(v.world_from_volume.transform_point3(Vec3::ZERO), Vec3::new(9.75, -0.75, 0.75));
+    assert_eq!(v.world_from_volume.transform_point3(Vec3::ONE), Vec3::new(22.25, 5.75, 8.25));
+    assert_eq!(v.data[(2 * 13 + 4) * 25 + 4], 0.125 * 3.0 + 0.5 + 0.25 + 1.0);
+    let error = |xml: &str| read(&folder.put("other.xml", xml), &ReadOptions::default()).unwrap_err().to_string();
+    let other = xml.replace(r#"<string name="filter_type""#, r#"<string name="grid_name" value="heat"/><string name="filter_type""#);
+    assert!(error(&other).contains("no grid `heat`"), "{}", error(&other));
+    folder.put("smoke.vdb", &vdb[..vdb.len() - 9]);
+    assert!(error(&xml).contains("smoke.vdb: the file ends too early"), "{}", error(&xml));
+
+    folder.put("smoke.vdb", vdb.as_slice());
+    let text = r#"Translate 10 0 0 MakeNamedMedium "smoke" "string type" "nanovdb" "string filename" "smoke.vdb" Camera "perspective" WorldBegin
+        AttributeBegin MediumInterface "smoke" "" Material "interface" Shape "sphere" AttributeEnd"#;
+    let desc = read(&folder.put("scene.pbrt", text), &ReadOptions::default()).unwrap();
+    let w = volume(&desc, &grid(&desc, 0).extinction);
+    assert_eq!((w.size, &w.data), (v.size, &v.data));
+    assert!(w.world_from_volume.abs_diff_eq(v.world_from_volume, 1e-5), "{}", w.world_from_volume);
+}
+
 #[test]
 fn broken_volumes_are_faults_with_a_reason() {
     let folder = TempFolder::new("media-b");

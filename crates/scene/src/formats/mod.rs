@@ -3,9 +3,11 @@
 mod cie;
 mod exr;
 pub mod gltf;
+mod grids;
 pub mod mesh;
 pub mod mitsuba;
 mod nanovdb;
+mod openvdb;
 pub mod pbrt;
 mod picture_size;
 pub mod pov;

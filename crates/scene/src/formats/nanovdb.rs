@@ -9,25 +9,12 @@ use std::io::Read;
 
 use glam::{DMat3, DMat4, DVec3};
 
+use super::grids::{DenseGrid, Filler};
 use crate::desc::VOLUME_LIMIT;
-
-/// A dense copy of a grid, with a border of one empty value.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct NanoGrid {
-    /// Values along x, y and z.
-    pub size: [u32; 3],
-    /// The values, x fastest.
-    pub data: Vec<f32>,
-    /// Places the unit cube over the values' cells.
-    pub world_from_volume: DMat4,
-}
 
 const FILE_MAGICS: [&[u8]; 2] = [b"NanoVDB0", b"NanoVDB2"];
 const META_SIZE: usize = 176;
 const GRID_SIZE: usize = 672;
-/// Entries of nodes that are looked at: a guard against files whose nodes refer to each other again and again.
-const MOST_ENTRIES: u64 = 1 << 30;
-
 /// Bytes with bounds.
 struct Bytes<'a>(&'a [u8]);
 
@@ -70,7 +57,7 @@ const ENDS: &str = "the file ends within a grid";
 ///
 /// # Errors
 /// A sentence.
-pub(super) fn read(file: &[u8], name: &str) -> Result<Option<NanoGrid>, String> {
+pub(super) fn read(file: &[u8], name: &str) -> Result<Option<DenseGrid>, String> {
     let bytes = Bytes(file);
     let mut at = 0u64;
     while at < file.len() as u64 {
@@ -127,43 +114,6 @@ fn unzip(packed: &[u8], size: u64) -> Result<Vec<u8>, String> {
     if (out.len() as u64) < size { Err(ENDS.to_owned()) } else { Ok(out) }
 }
 
-/// The dense copy while it is filled.
-struct Filler {
-    min: [i64; 3],
-    size: [i64; 3],
-    data: Vec<f32>,
-    entries: u64,
-}
-
-impl Filler {
-    /// Sets the values of a cube of `edge` values.
-    fn fill(&mut self, origin: [i64; 3], edge: i64, value: f32) {
-        let range = |k: usize| {
-            let lo = (origin[k] - self.min[k]).clamp(0, self.size[k]);
-            let hi = (origin[k] + edge - self.min[k]).clamp(0, self.size[k]);
-            lo as usize..hi as usize
-        };
-        let (nx, ny) = (self.size[0] as usize, self.size[1] as usize);
-        for z in range(2) {
-            for y in range(1) {
-                let row = (z * ny + y) * nx;
-                let x = range(0);
-                self.data[row + x.start..row + x.end].fill(value);
-            }
-        }
-    }
-
-    /// Whether any value of a cube is wanted.
-    fn meets(&self, origin: [i64; 3], edge: i64) -> bool {
-        (0..3).all(|k| origin[k] < self.min[k] + self.size[k] && origin[k] + edge > self.min[k])
-    }
-
-    fn count(&mut self, entries: u64) -> Result<(), String> {
-        self.entries += entries;
-        if self.entries > MOST_ENTRIES { Err("the nodes of a grid refer to each other again and again".to_owned()) } else { Ok(()) }
-    }
-}
-
 /// The kinds of inner nodes: logarithms of the children along an edge and of the values along a child's edge, and offsets in a node.
 #[derive(Clone, Copy)]
 struct Level {
@@ -177,7 +127,7 @@ const UPPER: Level = Level { children_log2: 5, child_log2: 7, child_mask: 4128, 
 const LOWER: Level = Level { children_log2: 4, child_log2: 3, child_mask: 544, table: 1088 };
 const LEAF_TABLE: u64 = 96;
 
-fn dense(grid: &Bytes, name: &str) -> Result<NanoGrid, String> {
+fn dense(grid: &Bytes, name: &str) -> Result<DenseGrid, String> {
     let version = grid.u32(16)?;
     if version >> 21 != 32 {
         return Err(format!("the grid `{name}` has version {}; only 32 is known", version >> 21));
@@ -192,15 +142,8 @@ fn dense(grid: &Bytes, name: &str) -> Result<NanoGrid, String> {
     let root = GRID_SIZE as u64 + grid.u64(GRID_SIZE as u64 + 24)?.min(1 << 48);
     let corner = |i: u64| grid.u32(root + 4 * i).map(|v| i64::from(v as i32));
     let (min, max) = ([corner(0)?, corner(1)?, corner(2)?], [corner(3)?, corner(4)?, corner(5)?]);
-    let size = [0, 1, 2].map(|k| max[k] - min[k] + 3);
-    let count = size.iter().map(|n| i128::from(*n)).product::<i128>();
-    if (0..3).any(|k| max[k] < min[k]) || count > i128::from(VOLUME_LIMIT) {
-        let [x, y, z] = size;
-        return Err(format!("the grid `{name}` has {x} × {y} × {z} values, which is none or more than 2^28"));
-    }
-    let min = min.map(|v| v - 1);
     let tiles = u64::from(grid.u32(root + 24)?);
-    let mut filler = Filler { min, size, data: vec![grid.f32(root + 28)?; count as usize], entries: 0 };
+    let mut filler = Filler::new(name, min, max, grid.f32(root + 28)?)?;
     for i in 0..tiles {
         filler.count(1)?;
         let tile = root + 64 + 32 * i;
@@ -217,10 +160,7 @@ fn dense(grid: &Bytes, name: &str) -> Result<NanoGrid, String> {
             inner(grid, UPPER, Some(LOWER), root.wrapping_add(child), origin, &mut filler)?;
         }
     }
-    let n = DVec3::new(size[0] as f64, size[1] as f64, size[2] as f64);
-    let first = DVec3::new(min[0] as f64, min[1] as f64, min[2] as f64) - 0.5;
-    let world_from_volume = world_from_index * DMat4::from_translation(first) * DMat4::from_scale(n);
-    Ok(NanoGrid { size: size.map(|n| n as u32), data: filler.data, world_from_volume })
+    Ok(filler.finish(world_from_index))
 }
 
 /// Goes through an inner node; `below` is the level of its children, `None` for leaves.

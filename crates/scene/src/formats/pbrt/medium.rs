@@ -11,7 +11,7 @@ use crate::desc::{
     VOLUME_LIMIT, VolumeDesc, VolumeFilter, VolumeId, VolumeWrap,
 };
 use crate::formats::Resolver;
-use crate::formats::nanovdb::{self, NanoGrid};
+use crate::formats::grids::{self, DenseGrid};
 use crate::formats::volume::clamp_negative;
 use crate::span::Span;
 
@@ -226,9 +226,9 @@ impl Reader {
         })))
     }
 
-    /// A grid of a NanoVDB file; the outer `None`, with a fault, where it cannot be read.
+    /// A grid of a NanoVDB or OpenVDB file; the outer `None`, with a fault, where it cannot be read.
     fn nano_grid(&mut self, bytes: &[u8], file: &str, name: &str, span: Span) -> Option<Option<VolumeId>> {
-        let NanoGrid { size, mut data, world_from_volume } = match nanovdb::read(bytes, name) {
+        let DenseGrid { size, mut data, world_from_volume } = match grids::read(bytes, name) {
             Ok(Some(grid)) => grid,
             Ok(None) => return Some(None),
             Err(message) => {

@@ -7,6 +7,7 @@ use crate::desc::{
     VolumeWrap,
 };
 use crate::formats::Resolver;
+use crate::formats::grids::{self, DenseGrid};
 use crate::formats::mitsuba::tree::{Kind, Plugin, Value};
 use crate::formats::spectrum::Quantity;
 use crate::formats::volume::{VolFile, clamp_negative};
@@ -135,19 +136,21 @@ impl<'t> Builder<'t> {
             p.lose(&["grid", "data"]);
         }
         let path = self.filename(&mut p);
+        let grid_name = p.opt_text("grid_name").unwrap_or("density");
         self.finish(p);
-        let file = path.and_then(|path| {
-            let bytes = Resolver::read(&path).map_err(|e| e.to_string());
-            match bytes.and_then(|b| VolFile::parse(&b).map_err(|e| format!("{}: {e}", path.display()))) {
-                Ok(file) => Some(file),
-                Err(message) => {
-                    self.desc.report.error(plugin.span, message);
-                    None
-                }
+        let path = path?;
+        let file = Resolver::read(&path).map_err(|e| e.to_string()).and_then(|bytes| {
+            // Sparse grids are placed by their files; `to_world` moves them on.
+            if grids::is_sparse(&bytes) {
+                let grid = grids::read(&bytes, grid_name).and_then(|grid| grid.ok_or_else(|| format!("there is no grid `{grid_name}`")));
+                let DenseGrid { size, data, world_from_volume } = grid.map_err(|e| format!("{}: {e}", path.display()))?;
+                return Ok((size, 1, data, (to_world.as_dmat4() * world_from_volume).as_mat4()));
             }
-        })?;
-        let world_from_volume = if use_box { to_world * file.box_transform() } else { to_world };
-        let VolFile { size, channels, mut data, .. } = file;
+            let file = VolFile::parse(&bytes).map_err(|e| format!("{}: {e}", path.display()))?;
+            let world_from_volume = if use_box { to_world * file.box_transform() } else { to_world };
+            Ok((file.size, file.channels, file.data, world_from_volume))
+        });
+        let (size, channels, mut data, world_from_volume) = file.map_err(|e| self.desc.report.error(plugin.span, e)).ok()?;
         if ![1, 3].contains(&channels) {
             self.desc.report.error(plugin.span, format!("a volume of {channels} numbers per value; only 1 and 3 can be rendered"));
             return None;
