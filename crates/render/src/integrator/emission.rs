@@ -150,8 +150,8 @@ impl EmissionSampler {
     }
 }
 
-/// A ray that leaves a light. That of an infinite light starts before the first surface that is in its way, however far away: surfaces without
-/// end may be between the light and the disk where other rays start.
+/// A ray that leaves a light. That of an infinite light starts before the first surface that is in its way, however far away: surfaces
+/// without end may be between the light and the disk where other rays start.
 fn emit(scene: &Scene, sphere: &SceneSphere, light: &Light, u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
     let mut sample = light.emit(sphere, u_position, u_direction)?;
     if sphere.endless && light.is_infinite() {

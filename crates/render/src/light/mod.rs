@@ -267,3 +267,42 @@ impl Light {
         (bounds.phi > 0.0 && bounds.bounds.min.is_finite() && bounds.bounds.max.is_finite()).then_some(bounds)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::hash::{hash_words, unit_float};
+
+    /// Shares of samples in rings against the integral of the density over them.
+    #[test]
+    fn rays_pass_the_sphere_as_their_density_says() {
+        for endless in [false, true] {
+            let sphere = SceneSphere { center: Vec3::ZERO, radius: 2.0, endless };
+            let edges = [0.0f64, 1.0, 2.0, 2.5, 4.0, 8.0, 16.0, 32.0, 100.0, 1000.0];
+            let count = 200_000u64;
+            let mut found = [0.0f64; 9];
+            for i in 0..count {
+                let u = |k: u64| unit_float(hash_words([i, k]) as u32);
+                let r = f64::from(sphere.sample_across(Vec2::new(u(0), u(1))).length());
+                if let Some(ring) = (0..9).find(|&k| (edges[k]..edges[k + 1]).contains(&r)) {
+                    found[ring] += 1.0 / count as f64;
+                }
+            }
+            for k in 0..9 {
+                let (a, b) = (edges[k], edges[k + 1]);
+                let steps = 2000;
+                let expected: f64 = (0..steps)
+                    .map(|i| {
+                        let r = a + (b - a) * (f64::from(i) + 0.5) / f64::from(steps);
+                        // The disk that scenes with an end are lit by ends with them.
+                        let inside = endless || r < 2.0;
+                        let density = if inside { f64::from(sphere.pdf_across((r * r) as f32)) } else { 0.0 };
+                        density * std::f64::consts::TAU * r * (b - a) / f64::from(steps)
+                    })
+                    .sum();
+                let error = (expected / count as f64).sqrt();
+                assert!((found[k] - expected).abs() < 5.0 * error + 1e-4 * expected, "ring {k}: {} instead of {expected}", found[k]);
+            }
+        }
+    }
+}

@@ -1,8 +1,8 @@
 //! Chunks of Blosc 1, in which OpenVDB packs values: blocks of LZ4 or zlib streams over bytes that were sorted by their significance.
 //!
-//! A chunk is a header of 16 bytes (version, version of the codec, flags, size of a value, then sizes of the content, of a block and of the
-//! chunk), the offsets of the blocks, and the blocks. A block is one stream, or one for each byte of a value; a stream has its length before it
-//! and is not packed where that is the length of its content.
+//! A chunk is a header of 16 bytes (version, version of the codec, flags, size of a value, then sizes of the content, of a block and of
+//! the chunk), the offsets of the blocks, and the blocks. A block is one stream, or one for each byte of a value; a stream has its length
+//! before it and is not packed where that is the length of its content.
 
 use std::io::Read;
 

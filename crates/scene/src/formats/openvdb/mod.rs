@@ -1,10 +1,10 @@
 //! OpenVDB files (`.vdb`): sparse grids of numbers, of which those of 32- and 64-bit floats are read into dense volumes.
 //!
-//! A file is a header, tables of metadata, and for each grid a description with the offset of its content. A grid's content is metadata, the
-//! map from indices to the world, a tree of fixed shape – root, upper nodes of 32³ lower ones, these of 16³ leaves, these of 8³ values –
-//! first without the leaves' values, then these in the same order (Museth 2013, "VDB: High-Resolution Sparse Volumes with Dynamic Topology",
-//! doi:10.1145/2487228.2487235). Values of a node may be packed by zlib or Blosc, have 16 bits each, and be left out where they are not active.
-//! Versions 222 (OpenVDB 3, 2014) to 225 (OpenVDB 13) of the format are the same in what is read here.
+//! A file is a header, tables of metadata, and for each grid a description with the offset of its content. A grid's content is metadata,
+//! the map from indices to the world, a tree of fixed shape – root, upper nodes of 32³ lower ones, these of 16³ leaves, these of 8³
+//! values – first without the leaves' values, then these in the same order (Museth 2013, "VDB: High-Resolution Sparse Volumes with
+//! Dynamic Topology", doi:10.1145/2487228.2487235). Values of a node may be packed by zlib or Blosc, have 16 bits each, and be left
+//! out where they are not active. Versions 222 (OpenVDB 3, 2014) to 225 (OpenVDB 13) of the format are the same in what is read here.
 
 mod blosc;
 mod stream;
