@@ -301,7 +301,7 @@ mod tests {
                     })
                     .sum();
                 let error = (expected / count as f64).sqrt();
-                assert!((found[k] - expected).abs() < 5.0 * error + 1e-4 * expected, "ring {k}: {} instead of {expected}", found[k]);
+                assert!((found[k] - expected).abs() <= 5.0 * error + 1e-4 * expected, "ring {k}: {} instead of {expected}", found[k]);
             }
         }
     }
