@@ -2,7 +2,8 @@
 //!
 //! A texel's center may lie inside of another body that stands on the surface: it is moved out of it if the body ends within the texel,
 //! else it is left to its neighbors. Where anything stands within the texel, its light is taken at that one point only, as the rest
-//! of it may lie behind a wall.
+//! of it may lie behind a wall. A chart that lies inside of other bodies altogether, as where slabs touch, borrows the light of the nearest
+//! texels of its surface: a viewer's pixels at the crack between the bodies show it.
 
 use rayon::prelude::*;
 
@@ -14,6 +15,8 @@ use crate::scene::{Scene, Surface};
 
 /// Rays start this share of a texel above the surface.
 const LIFT: f32 = 0.01;
+/// Texels times lenders of a chart; beyond it not all lenders are looked at.
+const MOST_PAIRS: usize = 1 << 27;
 /// Half of a texel's diagonal with some room.
 const REACH: f32 = 0.75;
 
@@ -26,6 +29,8 @@ pub struct Spot {
     pub is_buried: bool,
     /// Nothing stands within the texel: the light of all of it may be taken.
     pub is_clear: bool,
+    /// The texel whose light it borrows.
+    pub lender: Option<u32>,
 }
 
 /// The flat scene compiled, with what connects the two.
@@ -66,7 +71,33 @@ impl World<'_> {
 
 /// Finds the spots of all texels.
 pub fn spots(world: &World, layout: &Layout) -> Vec<Spot> {
-    layout.texels.par_iter().map(|t| spot(world, layout, t)).collect()
+    let mut spots: Vec<Spot> = layout.texels.par_iter().map(|t| spot(world, layout, t)).collect();
+    lend(layout, &mut spots);
+    spots
+}
+
+/// Finds the lenders of charts that are buried altogether.
+fn lend(layout: &Layout, spots: &mut [Spot]) {
+    let side = |i: usize| layout.charts[layout.texels[i].chart as usize].side;
+    let mut of_side: Vec<Vec<usize>> = vec![Vec::new(); layout.sides.len()];
+    (0..spots.len()).filter(|&i| !spots[i].is_buried).for_each(|i| of_side[side(i) as usize].push(i));
+    // Texels are in the order of their charts.
+    let mut start = 0;
+    for chart in layout.texels.chunk_by(|a, b| a.chart == b.chart) {
+        let range = start..start + chart.len();
+        start = range.end;
+        let lenders = &of_side[side(range.start) as usize];
+        if spots[range.clone()].iter().any(|s| !s.is_buried) || lenders.is_empty() {
+            continue;
+        }
+        let step = (range.len().saturating_mul(lenders.len()) / MOST_PAIRS + 1).min(lenders.len());
+        let nearest = |p: Vec3| {
+            let distance = |&i: &usize| spots[i].p.distance_squared(p);
+            lenders.iter().step_by(step).copied().min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
+        };
+        let found: Vec<Option<usize>> = range.clone().into_par_iter().map(|i| nearest(spots[i].p)).collect();
+        spots[range].iter_mut().zip(found).for_each(|(spot, lender)| spot.lender = lender.map(|i| i as u32));
+    }
 }
 
 fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
@@ -88,7 +119,7 @@ fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
         let meets = |d: &Vec3| *d != Vec3::ZERO && world.scene.accel.occluded(&Ray { t_max: reach, ..Ray::new(o, *d) });
         let is_clear = !directions.iter().any(meets);
         // From a point on the rim of a wall rays would start in the wall.
-        return Spot { p: s.p, is_buried: false, is_clear };
+        return Spot { p: s.p, is_buried: false, is_clear, lender: None };
     }
     let mut best: Option<(f32, Vec3)> = None;
     for d in directions.iter().filter(|d| **d != Vec3::ZERO) {
@@ -96,14 +127,17 @@ fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
             && best.is_none_or(|(nearest, _)| t < nearest)
         {
             let out = s.p + *d * (t + LIFT * size);
-            if !world.is_inside(out + (o - s.p), s.ng) {
+            // Beyond the rim of the surface it would be in the light of other places.
+            let above = out + (o - s.p);
+            let down = Ray { t_max: LIFT * size + reach, ..Ray::new(above, -s.ng) };
+            if !world.is_inside(above, s.ng) && world.scene.intersect(&down).is_some_and(|hit| hit.object == side.shape) {
                 best = Some((t, out));
             }
         }
     }
     match best {
-        Some((_, p)) => Spot { p, is_buried: false, is_clear: false },
-        None => Spot { p: s.p, is_buried: true, is_clear: false },
+        Some((_, p)) => Spot { p, is_buried: false, is_clear: false, lender: None },
+        None => Spot { p: s.p, is_buried: true, is_clear: false, lender: None },
     }
 }
 

@@ -4,6 +4,7 @@
 
 pub mod baking;
 pub mod naive;
+pub mod radiosity;
 pub mod statistics;
 
 use std::ops::Range;
