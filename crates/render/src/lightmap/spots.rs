@@ -2,21 +2,21 @@
 //!
 //! A texel's center may lie inside of another body that stands on the surface: it is moved out of it if the body ends within the texel,
 //! else it is left to its neighbors. Where anything stands within the texel, its light is taken at that one point only, as the rest
-//! of it may lie behind a wall. A chart that lies inside of other bodies altogether, as where slabs touch, borrows the light of the nearest
-//! texels of its surface: a viewer's pixels at the crack between the bodies show it.
+//! of it may lie behind a wall. Where slabs touch, whole charts are buried or all but a far corner: such texels borrow the light of the
+//! nearest texels of their surface, as a viewer's pixels at the crack between the slabs show it.
 
 use rayon::prelude::*;
 
 use super::flatten::Flat;
 use super::layout::{Layout, Texel};
 use crate::accel::{Hit, Ray};
-use crate::math::{Frame, Vec2, Vec3};
+use crate::math::{Aabb, Frame, Vec2, Vec3};
 use crate::scene::{Scene, Surface};
 
 /// Rays start this share of a texel above the surface.
 const LIFT: f32 = 0.01;
-/// Texels times lenders of a chart; beyond it not all lenders are looked at.
-const MOST_PAIRS: usize = 1 << 27;
+/// So many texels to each side are looked at for the nearest one: for the rest of a huge surface, one that is near will do.
+const MOST_LOOKS: usize = 1 << 15;
 /// Half of a texel's diagonal with some room.
 const REACH: f32 = 0.75;
 
@@ -76,27 +76,52 @@ pub fn spots(world: &World, layout: &Layout) -> Vec<Spot> {
     spots
 }
 
-/// Finds the lenders of charts that are buried altogether.
+/// Finds the lenders of buried texels: the nearest texels of their surface, where those are not of the same chart. In the chart, neighbors
+/// fill them.
 fn lend(layout: &Layout, spots: &mut [Spot]) {
-    let side = |i: usize| layout.charts[layout.texels[i].chart as usize].side;
-    let mut of_side: Vec<Vec<usize>> = vec![Vec::new(); layout.sides.len()];
-    (0..spots.len()).filter(|&i| !spots[i].is_buried).for_each(|i| of_side[side(i) as usize].push(i));
-    // Texels are in the order of their charts.
-    let mut start = 0;
-    for chart in layout.texels.chunk_by(|a, b| a.chart == b.chart) {
-        let range = start..start + chart.len();
-        start = range.end;
-        let lenders = &of_side[side(range.start) as usize];
-        if spots[range.clone()].iter().any(|s| !s.is_buried) || lenders.is_empty() {
-            continue;
-        }
-        let step = (range.len().saturating_mul(lenders.len()) / MOST_PAIRS + 1).min(lenders.len());
-        let nearest = |p: Vec3| {
-            let distance = |&i: &usize| spots[i].p.distance_squared(p);
-            lenders.iter().step_by(step).copied().min_by(|a, b| distance(a).total_cmp(&distance(b)).then(a.cmp(b)))
+    let chart_of = |i: usize| layout.texels[i].chart as usize;
+    let side_of = |i: usize| layout.charts[chart_of(i)].side as usize;
+    let mut lenders: Vec<Vec<usize>> = vec![Vec::new(); layout.sides.len()];
+    (0..spots.len()).filter(|&i| !spots[i].is_buried).for_each(|i| lenders[side_of(i)].push(i));
+    let sides: Vec<Lenders> = lenders.into_par_iter().map(|all| Lenders::new(spots, all)).collect();
+    let find = |(i, spot): (usize, &Spot)| {
+        let lender = spot.is_buried.then(|| sides[side_of(i)].nearest(spot.p)).flatten()?;
+        (chart_of(lender as usize) != chart_of(i)).then_some(lender)
+    };
+    let found: Vec<Option<u32>> = spots.par_iter().enumerate().map(find).collect();
+    spots.iter_mut().zip(found).for_each(|(spot, lender)| spot.lender = lender);
+}
+
+/// Texels of a side that have light of their own, along the axis of their largest extent.
+struct Lenders {
+    axis: usize,
+    /// Places and texels, by coordinate.
+    sorted: Vec<(Vec3, u32)>,
+}
+
+impl Lenders {
+    fn new(spots: &[Spot], all: Vec<usize>) -> Self {
+        let extent = Aabb::from_points(all.iter().map(|&i| spots[i].p)).extent();
+        let axis = (0..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best });
+        let mut sorted: Vec<(Vec3, u32)> = all.into_iter().map(|i| (spots[i].p, i as u32)).collect();
+        sorted.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+        Self { axis, sorted }
+    }
+
+    fn nearest(&self, p: Vec3) -> Option<u32> {
+        let middle = self.sorted.partition_point(|(q, _)| q[self.axis] < p[self.axis]);
+        let mut best: Option<(f32, u32)> = None;
+        let mut look = |(q, i): &(Vec3, u32)| {
+            let (along, distance) = (crate::math::fns::sqr(q[self.axis] - p[self.axis]), q.distance_squared(p));
+            if best.is_none_or(|b| (distance, *i) < b) {
+                best = Some((distance, *i));
+            }
+            best.is_some_and(|b| along > b.0)
         };
-        let found: Vec<Option<usize>> = range.clone().into_par_iter().map(|i| nearest(spots[i].p)).collect();
-        spots[range].iter_mut().zip(found).for_each(|(spot, lender)| spot.lender = lender.map(|i| i as u32));
+        // Both ways, until nothing nearer can come.
+        let _ = self.sorted[middle..].iter().take(MOST_LOOKS).any(&mut look);
+        let _ = self.sorted[..middle].iter().rev().take(MOST_LOOKS).any(&mut look);
+        best.map(|b| b.1)
     }
 }
 
