@@ -313,12 +313,12 @@ impl<'a> Topology<'a> {
         let mut table = Vec::new();
         values.node(s, active, &mut table)?;
         let mut below = Vec::new();
-        for i in 0..bits {
+        for (i, &value) in table.iter().enumerate() {
             let at = position(origin, i, log, edge);
             if is_on(children, i) {
                 below.push(at);
             } else {
-                self.add_tile(at, edge, table[i], is_on(active, i), values.background)?;
+                self.add_tile(at, edge, value, is_on(active, i), values.background)?;
             }
         }
         Ok(below)
