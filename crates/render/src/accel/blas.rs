@@ -27,18 +27,18 @@ pub struct BlasInput<'a> {
 
 /// A hierarchy over triangles and shapes in one space.
 pub struct Blas {
-    arena: Arena,
-    root: ChildRef,
+    pub(super) arena: Arena,
+    pub(super) root: ChildRef,
     bounds: Aabb,
-    shapes: Shapes,
+    pub(super) shapes: Shapes,
     /// Shapes without bounds, as indices of `shapes`.
-    unbounded: Vec<u32>,
+    pub(super) unbounded: Vec<u32>,
     triangles: u32,
     skipped: usize,
 }
 
 /// The shapes with the boxes that hits on them are held against.
-struct Shapes {
+pub(super) struct Shapes {
     shapes: Vec<(Shape, Aabb)>,
     /// Primitive id of the first.
     first: u32,

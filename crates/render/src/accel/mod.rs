@@ -12,6 +12,7 @@ mod layout;
 mod ray;
 mod simd;
 mod spatial;
+mod stream;
 mod tlas;
 mod traverse;
 
@@ -20,6 +21,7 @@ mod tests;
 
 pub use blas::{Blas, BlasInput};
 pub use simd::IsaKind;
+pub use stream::{StreamMemory, TUNE};
 pub use tlas::{Accel, Instance};
 
 use glam::Vec3;

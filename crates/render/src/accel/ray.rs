@@ -119,6 +119,13 @@ impl Prepared {
         }
     }
 
+    /// A number below 32 for the signs of the direction (the upper three bits) and its longest axis.
+    #[inline(always)]
+    pub(super) fn key(&self) -> u8 {
+        let sign = |k: usize| u8::from(self.d[k].to_bits() >> 31 == 1) << (2 + k);
+        (self.axes[2] / LANES) as u8 | sign(0) | sign(1) | sign(2)
+    }
+
     /// The ray again.
     pub(super) fn ray(&self) -> Ray {
         let v = |a: &[f32; 4]| Vec3::new(a[0], a[1], a[2]);

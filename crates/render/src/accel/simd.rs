@@ -79,6 +79,12 @@ pub(super) trait Isa: Copy {
     /// Writes the children in `mask` to `children`, for which eight lanes must be writable.
     unsafe fn push(mask: u32, refs: *const u32, children: *mut u32);
 
+    /// As [`Isa::le`]; where it holds, `least` becomes the smaller of itself and a, which is not negative.
+    unsafe fn le_min(a: Self::F, b: Self::F, least: &mut Self::F) -> u32;
+    /// Writes those of `ids` whose byte in `masks` has the bit `lane`, in their order, and returns how many they are.
+    /// Up to sixteen words beyond `ids` and the result and bytes beyond `masks` must be valid, the bytes zero.
+    unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize;
+
     /// Asks for the cache line at an address, which need not be valid.
     #[inline(always)]
     unsafe fn prefetch(_p: *const u8) {}
@@ -176,6 +182,22 @@ impl Isa for Portable {
             m &= m - 1;
             i += 1;
         }
+    }
+    #[inline(always)]
+    unsafe fn le_min(a: Self::F, b: Self::F, least: &mut Self::F) -> u32 {
+        *least = std::array::from_fn(|i| if a[i] <= b[i] && a[i] < least[i] { a[i] } else { least[i] });
+        mask2(a, b, |a, b| a <= b)
+    }
+    #[inline(always)]
+    unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+        let mut n = 0;
+        for i in 0..count {
+            unsafe {
+                *out.add(n) = *ids.add(i);
+                n += usize::from(*masks.add(i) >> lane & 1);
+            }
+        }
+        n
     }
 
     #[inline(always)]
@@ -406,6 +428,29 @@ mod x86 {
             }
         }
         #[inline(always)]
+        unsafe fn le_min(a: __m256, b: __m256, least: &mut __m256) -> u32 {
+            unsafe {
+                let gt = _mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)));
+                *least = Self::min(*least, _mm256_blendv_ps(a, *least, gt));
+                !(_mm256_movemask_ps(gt) as u32) & 0xff
+            }
+        }
+        #[inline(always)]
+        unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+            let mut n = 0;
+            for i in (0..count).step_by(8) {
+                unsafe {
+                    let m = _mm_cmpeq_epi8(_mm_and_si128(_mm_loadl_epi64(masks.add(i).cast()), _mm_set1_epi8(1 << lane)), _mm_setzero_si128());
+                    let k = !_mm_movemask_epi8(m) as usize & 0xff;
+                    let order = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(LANES_OF_MASK[k] as i64));
+                    let packed = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(ids.add(i).cast()), order);
+                    _mm256_storeu_si256(out.add(n).cast(), packed);
+                    n += k.count_ones() as usize;
+                }
+            }
+            n
+        }
+        #[inline(always)]
         unsafe fn b_le(a: __m128, b: __m128) -> u32 {
             unsafe { _mm_movemask_ps(_mm_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32 }
         }
@@ -443,6 +488,29 @@ mod x86 {
                 let r = _mm256_maskz_compress_epi32(mask as __mmask8, _mm256_load_si256(refs.cast()));
                 _mm256_storeu_si256(children.cast(), r);
             }
+        }
+        #[inline(always)]
+        unsafe fn le_min(a: __m256, b: __m256, least: &mut __m256) -> u32 {
+            unsafe {
+                let mask = _mm256_cmple_epi32_mask(_mm256_castps_si256(a), _mm256_castps_si256(b));
+                let l = _mm256_castps_si256(*least);
+                *least = _mm256_castsi256_ps(_mm256_mask_min_epi32(l, mask, l, _mm256_castps_si256(a)));
+                u32::from(mask)
+            }
+        }
+        #[inline(always)]
+        unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+            let mut n = 0;
+            for i in (0..count).step_by(16) {
+                unsafe {
+                    let m = _mm512_cvtepu8_epi32(_mm_loadu_si128(masks.add(i).cast()));
+                    let k = _mm512_test_epi32_mask(m, _mm512_set1_epi32(1 << lane));
+                    let packed = _mm512_maskz_compress_epi32(k, _mm512_loadu_si512(ids.add(i).cast()));
+                    _mm512_storeu_si512(out.add(n).cast(), packed);
+                    n += k.count_ones() as usize;
+                }
+            }
+            n
         }
         #[inline(always)]
         unsafe fn b_le(a: __m128, b: __m128) -> u32 {

@@ -114,6 +114,11 @@ impl Accel {
         &self.blases
     }
 
+    /// The hierarchy of the only instance, where it stands still.
+    pub(super) fn single(&self) -> Option<&Blas> {
+        self.single.map(|b| &self.blases[b as usize])
+    }
+
     /// The nearest hit; among equally near ones that of the lowest (instance, primitive).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {

@@ -9,10 +9,10 @@ use std::mem::MaybeUninit;
 
 /// Most entries of the stack: the build keeps trees less than [`super::build::MAX_DEPTH`] deep, a node leaves seven
 /// behind, and vector stores write up to seven beyond.
-const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
+pub(super) const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
 
 /// Bytes of a hierarchy from which memory is asked for ahead: smaller ones stay in caches.
-const PREFETCH_ABOVE: usize = 16 << 20;
+pub(super) const PREFETCH_ABOVE: usize = 16 << 20;
 
 /// The nearest hit so far.
 #[derive(Clone, Copy)]
@@ -166,8 +166,9 @@ impl<I: Isa> Lanes<I> {
     }
 }
 
+/// Up to where boxes count for a hit at `t`.
 #[inline(always)]
-fn scaled_limit(t: f32) -> f32 {
+pub(super) fn scaled_limit(t: f32) -> f32 {
     // From the largest number up to infinity is harmless.
     t * FAR_SCALE
 }
@@ -184,7 +185,7 @@ unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
 
 /// Asks for the memory of the children in `mask`: most of them will be visited, and big scenes do not fit in caches.
 #[inline(always)]
-unsafe fn prefetch_children<I: Isa>(base: *const u8, children: *const u32, mask: u32) {
+pub(super) unsafe fn prefetch_children<I: Isa>(base: *const u8, children: *const u32, mask: u32) {
     // SAFETY: the caller vouches for the children; prefetched addresses need not be valid.
     unsafe {
         let mut m = mask;
@@ -209,6 +210,44 @@ fn closest_in_list(list: &[u32], ray: &Prepared, best: &mut Best, items: &impl I
 #[inline(never)]
 fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
     list.iter().any(|&item| items.any(item, ray, t_last))
+}
+
+/// Offers the hits in a leaf to `best`.
+#[inline(always)]
+pub(super) unsafe fn closest_in_leaf<I: Isa>(base: *const u8, leaf: u32, ray: &Prepared, best: &mut Best, items: &impl Items) {
+    // SAFETY: the caller vouches for the leaf, which may be the empty one, and for the instruction set.
+    unsafe {
+        if leaf & 7 == TAG_ITEMS {
+            closest_in_list(list(base, leaf), ray, best, items);
+        } else {
+            let blocks = base.add((leaf >> 3) as usize * UNIT).cast::<Block>();
+            for i in 0..(leaf & 7) as usize {
+                let t_last = best.t;
+                test_block::<I>(&*blocks.add(i), ray, t_last, |t, u, v, prim| {
+                    best.offer(t, u, v, prim);
+                    false
+                });
+            }
+        }
+    }
+}
+
+/// Whether anything in a leaf is hit at `t_last` or before.
+#[inline(always)]
+pub(super) unsafe fn any_in_leaf<I: Isa>(base: *const u8, leaf: u32, ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    // SAFETY: as above.
+    unsafe {
+        if leaf & 7 == TAG_ITEMS {
+            return any_in_list(list(base, leaf), ray, t_last, items);
+        }
+        let blocks = base.add((leaf >> 3) as usize * UNIT).cast::<Block>();
+        for i in 0..(leaf & 7) as usize {
+            if test_block::<I>(&*blocks.add(i), ray, t_last, |t, _, _, _| t <= t_last) {
+                return true;
+            }
+        }
+        false
+    }
 }
 
 /// Offers all hits below `root` to `best`.
@@ -247,18 +286,7 @@ pub(super) unsafe fn closest<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, b
                 }
             }
             if current != 0 {
-                if current & 7 == TAG_ITEMS {
-                    closest_in_list(list(base, current), ray, best, items);
-                } else {
-                    let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
-                    for i in 0..(current & 7) as usize {
-                        let t_last = best.t;
-                        test_block::<I>(&*blocks.add(i), ray, t_last, |t, u, v, prim| {
-                            best.offer(t, u, v, prim);
-                            false
-                        });
-                    }
-                }
+                closest_in_leaf::<I>(base, current, ray, best, items);
                 limit = scaled_limit(best.t);
                 limits = I::splat(limit);
             }
@@ -307,17 +335,8 @@ pub(super) unsafe fn any<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, t_las
                     current = *refs.add(sp);
                 }
             }
-            if current & 7 == TAG_ITEMS {
-                if any_in_list(list(base, current), ray, t_last, items) {
-                    return true;
-                }
-            } else {
-                let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
-                for i in 0..(current & 7) as usize {
-                    if test_block::<I>(&*blocks.add(i), ray, t_last, |t, _, _, _| t <= t_last) {
-                        return true;
-                    }
-                }
+            if any_in_leaf::<I>(base, current, ray, t_last, items) {
+                return true;
             }
             if sp == 0 {
                 return false;
