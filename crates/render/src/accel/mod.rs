@@ -8,6 +8,7 @@ mod bins;
 mod blas;
 mod build;
 mod emit;
+mod floats;
 mod layout;
 mod ray;
 mod simd;

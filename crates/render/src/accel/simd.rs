@@ -3,8 +3,10 @@
 //! [`Isa`] is a closed list of operations; `traverse` is generic over it and is compiled once for each instruction set
 //! behind a `#[target_feature]` function, into which everything here is inlined. Box tests may differ in their last bit
 //! between instruction sets ([`Isa::mul_add`] is fused where the machine can do it), because they are only ever
-//! conservative. Block operations never fuse: they give the same bits everywhere.
+//! conservative. Operations of triangle tests ([`Floats`]) never fuse: they give the same bits everywhere.
 #![allow(unsafe_code)]
+
+use super::floats::Floats;
 
 /// Triangles in a leaf block.
 pub(super) const LANES: usize = 4;
@@ -58,8 +60,10 @@ impl IsaKind {
 pub(super) trait Isa: Copy {
     /// Eight numbers: one for each child of a node.
     type F: Copy;
-    /// [`LANES`] numbers: one for each triangle of a block.
-    type B: Copy;
+    /// One number for each triangle of a block.
+    type B: Floats;
+    /// Several such rows, for as many rays.
+    type W: Floats;
 
     unsafe fn splat(x: f32) -> Self::F;
     unsafe fn load(p: *const f32) -> Self::F;
@@ -89,20 +93,8 @@ pub(super) trait Isa: Copy {
     #[inline(always)]
     unsafe fn prefetch(_p: *const u8) {}
 
-    unsafe fn b_splat(x: f32) -> Self::B;
-    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B;
-    unsafe fn b_load(p: *const f32) -> Self::B;
-    unsafe fn b_store(p: *mut f32, x: Self::B);
-    unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_sub(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_mul(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_div(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_min(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_max(a: Self::B, b: Self::B) -> Self::B;
-    /// A bit for each lane where a ≤ b.
-    unsafe fn b_le(a: Self::B, b: Self::B) -> u32;
-    /// A bit for each lane where a < b.
-    unsafe fn b_lt(a: Self::B, b: Self::B) -> u32;
+    /// A row of four numbers.
+    unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> Self::B;
 }
 
 /// Plain Rust, in loops that the compiler can turn into vectors.
@@ -123,6 +115,7 @@ fn mask2<const N: usize>(a: [f32; N], b: [f32; N], f: impl Fn(f32, f32) -> bool)
 impl Isa for Portable {
     type F = [f32; WIDTH];
     type B = [f32; LANES];
+    type W = [f32; LANES];
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> Self::F {
@@ -201,52 +194,8 @@ impl Isa for Portable {
     }
 
     #[inline(always)]
-    unsafe fn b_splat(x: f32) -> Self::B {
-        [x; LANES]
-    }
-    #[inline(always)]
-    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B {
+    unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> Self::B {
         [a, b, c, d]
-    }
-    #[inline(always)]
-    unsafe fn b_load(p: *const f32) -> Self::B {
-        unsafe { p.cast::<Self::B>().read() }
-    }
-    #[inline(always)]
-    unsafe fn b_store(p: *mut f32, x: Self::B) {
-        unsafe { p.cast::<Self::B>().write(x) }
-    }
-    #[inline(always)]
-    unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    unsafe fn b_sub(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    unsafe fn b_mul(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    unsafe fn b_div(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    unsafe fn b_min(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn b_max(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn b_le(a: Self::B, b: Self::B) -> u32 {
-        mask2(a, b, |a, b| a <= b)
-    }
-    #[inline(always)]
-    unsafe fn b_lt(a: Self::B, b: Self::B) -> u32 {
-        mask2(a, b, |a, b| a < b)
     }
 }
 
@@ -350,50 +299,15 @@ mod x86 {
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(p.cast()) }
             }
             #[inline(always)]
-            unsafe fn b_splat(x: f32) -> __m128 {
-                unsafe { _mm_set1_ps(x) }
-            }
-            #[inline(always)]
-            unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> __m128 {
+            unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> __m128 {
                 unsafe { _mm_setr_ps(a, b, c, d) }
-            }
-            #[inline(always)]
-            unsafe fn b_load(p: *const f32) -> __m128 {
-                unsafe { _mm_load_ps(p) }
-            }
-            #[inline(always)]
-            unsafe fn b_store(p: *mut f32, x: __m128) {
-                unsafe { _mm_storeu_ps(p, x) }
-            }
-            #[inline(always)]
-            unsafe fn b_add(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_add_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_sub(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_sub_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_mul(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_mul_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_div(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_div_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_min(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_min_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_max(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_max_ps(a, b) }
             }
         };
     }
 
     // SAFETY of both implementations: callers vouch for the instruction set and for the pointers.
     impl Isa for Avx2 {
+        type W = __m256;
         common!();
 
         #[inline(always)]
@@ -450,17 +364,10 @@ mod x86 {
             }
             n
         }
-        #[inline(always)]
-        unsafe fn b_le(a: __m128, b: __m128) -> u32 {
-            unsafe { _mm_movemask_ps(_mm_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32 }
-        }
-        #[inline(always)]
-        unsafe fn b_lt(a: __m128, b: __m128) -> u32 {
-            unsafe { _mm_movemask_ps(_mm_cmp_ps::<_CMP_LT_OQ>(a, b)) as u32 }
-        }
     }
 
     impl Isa for Avx512 {
+        type W = __m512;
         common!();
 
         #[inline(always)]
@@ -511,14 +418,6 @@ mod x86 {
                 }
             }
             n
-        }
-        #[inline(always)]
-        unsafe fn b_le(a: __m128, b: __m128) -> u32 {
-            unsafe { u32::from(_mm_cmp_ps_mask::<_CMP_LE_OQ>(a, b)) }
-        }
-        #[inline(always)]
-        unsafe fn b_lt(a: __m128, b: __m128) -> u32 {
-            unsafe { u32::from(_mm_cmp_ps_mask::<_CMP_LT_OQ>(a, b)) }
         }
     }
 }

@@ -6,10 +6,11 @@
 //! each other, and no branch depends on their results. Lists of few rays go on one by one.
 #![allow(unsafe_code)]
 
-use super::super::layout::{Arena, CHILDREN_AT, TAG_NODE, UNIT};
+use super::super::floats::{Floats, RECORD};
+use super::super::layout::{Arena, Block, CHILDREN_AT, TAG_ITEMS, TAG_NODE, UNIT};
 use super::super::ray::{OPPOSITE, Prepared};
-use super::super::simd::{Isa, WIDTH};
-use super::super::traverse::{self, Best, Items, PREFETCH_ABOVE, STACK, scaled_limit};
+use super::super::simd::{Isa, LANES, WIDTH};
+use super::super::traverse::{self, Best, Items, PREFETCH_ABOVE, STACK, TestRay, scaled_limit, take_hits, test_block};
 use super::TUNE;
 use std::mem::MaybeUninit;
 use std::sync::atomic::Ordering::Relaxed;
@@ -31,12 +32,21 @@ struct Entry {
 
 const NO_BOX: u32 = u32::MAX;
 
+/// A ray's numbers for triangle tests.
+#[repr(C, align(32))]
+#[derive(Clone, Copy)]
+pub(super) struct TestRecord(pub [f32; RECORD]);
+
 /// The rays of a group and what they have found.
 pub(super) struct Group {
     pub rays: *const Prepared,
     pub best: *mut Best,
-    /// Scaled distance of the nearest hit so far; negative for rays that need no more.
-    pub limits: *mut f32,
+    /// Start of the interval, and scaled distance of the nearest hit so far: -∞ for rays that need no more.
+    pub ends: *mut [f32; 2],
+    /// What triangle tests need: [`traverse::TestRay`].
+    pub tests: *mut TestRecord,
+    /// Numbers whose lower two bits are the longest axis. Lists are in the order of these.
+    pub keys: *const u8,
     /// Offsets of the planes they enter by.
     pub near_at: [usize; 3],
 }
@@ -60,7 +70,86 @@ impl Group {
             let (x, y, z) = (t(0), t(1), t(2));
             let xy = if x > y { x } else { y };
             let near = if xy > z { xy } else { z };
-            near <= *self.limits.add(id as usize)
+            near <= (*self.ends.add(id as usize))[1]
+        }
+    }
+
+    /// A ray needs no more hits than the one it has.
+    #[inline(always)]
+    unsafe fn done(&self, id: usize) {
+        // SAFETY: as above.
+        unsafe { (*self.ends.add(id))[1] = f32::NEG_INFINITY };
+    }
+
+    /// A ray's nearest hit is at `t`.
+    #[inline(always)]
+    unsafe fn found(&self, id: usize, t: f32) {
+        // SAFETY: as above.
+        unsafe {
+            (*self.ends.add(id))[1] = scaled_limit(t);
+            (*self.tests.add(id)).0[RECORD - 1] = t;
+        }
+    }
+
+    /// Tests a list against the blocks of a leaf, as many rays at once as vectors take.
+    #[inline(always)]
+    unsafe fn test_leaf<I: Isa, const ANY: bool>(&self, blocks: &[Block], mut ids: &[u32]) {
+        // SAFETY: the caller vouches for everything.
+        unsafe {
+            let key = |id: u32| *self.keys.add(id as usize);
+            while let Some(&first) = ids.first() {
+                let mut rows = I::W::ROWS.min(ids.len());
+                while key(ids[rows - 1]) != key(first) {
+                    rows -= 1;
+                }
+                let row = |i: usize| ids[i.min(rows - 1)] as usize;
+                let axes = &(*self.rays.add(first as usize)).axes;
+                if rows == 1 {
+                    let id = first as usize;
+                    let record = &(*self.tests.add(id)).0;
+                    let test = std::array::from_fn(|i| I::B::splat(record[i]));
+                    self.test_rows::<I, I::B, ANY>(blocks, axes, &test, (1 << LANES) - 1, |_| id);
+                } else {
+                    let test = I::W::gather([0, 1, 2, 3].map(|i| (*self.tests.add(row(i))).0.as_ptr()));
+                    self.test_rows::<I, I::W, ANY>(blocks, axes, &test, (1 << (LANES * rows)) - 1, row);
+                }
+                ids = &ids[rows..];
+            }
+        }
+    }
+
+    /// Tests rays, one for each row of vectors, against blocks. Hits beyond those of `valid` do not count.
+    #[inline(always)]
+    unsafe fn test_rows<I: Isa, V: Floats, const ANY: bool>(
+        &self,
+        blocks: &[Block],
+        axes: &[usize; 3],
+        test: &TestRay<V>,
+        valid: u32,
+        id: impl Fn(usize) -> usize,
+    ) {
+        // SAFETY: the caller vouches for everything.
+        unsafe {
+            for block in blocks {
+                let Some(hits) = test_block(block, axes, test) else { continue };
+                let mask = hits.mask & valid;
+                if mask == 0 {
+                    continue;
+                }
+                take_hits::<I, V>(block, &hits, mask, |row| &*self.rays.add(id(row)), |row, t, u, v, prim| {
+                    let id = id(row);
+                    let best = &mut *self.best.add(id);
+                    if ANY {
+                        if t <= best.t {
+                            self.done(id);
+                        }
+                    } else {
+                        best.offer(t, u, v, prim);
+                        self.found(id, best.t);
+                    }
+                    false
+                });
+            }
         }
     }
 
@@ -77,15 +166,15 @@ impl Group {
             let mut entered = 0;
             for i in 0..count {
                 let id = *ids.add(i) as usize;
-                let r = &*self.rays.add(id);
+                let (r, ends) = (&*self.rays.add(id), &*self.ends.add(id));
                 let at = |p: I::F, inv: &f32, off: &f32| I::mul_add(p, I::splat(*inv), I::splat(*off));
                 let near = I::max(
                     I::max(at(nx, &r.inv_near.0[0], &r.off_near.0[0]), at(ny, &r.inv_near.0[1], &r.off_near.0[1])),
-                    I::max(at(nz, &r.inv_near.0[2], &r.off_near.0[2]), I::splat(r.t_min)),
+                    I::max(at(nz, &r.inv_near.0[2], &r.off_near.0[2]), I::splat(ends[0])),
                 );
                 let far = I::min(
                     I::min(at(fx, &r.inv_far.0[0], &r.off_far.0[0]), at(fy, &r.inv_far.0[1], &r.off_far.0[1])),
-                    I::min(at(fz, &r.inv_far.0[2], &r.off_far.0[2]), I::splat(*self.limits.add(id))),
+                    I::min(at(fz, &r.inv_far.0[2], &r.off_far.0[2]), I::splat(ends[1])),
                 );
                 let mask = I::le_min(near, far, &mut nearest);
                 *masks.add(i) = mask as u8;
@@ -156,33 +245,28 @@ pub(super) unsafe fn trace<I: Isa, const ANY: bool>(
                 let node = base.add(parent as usize * UNIT + 4 * slot as usize);
                 Some(group.near_at.map(|at| node.add(at).cast::<f32>().read()))
             };
+            let mut left = 0;
             for i in 0..count as usize {
                 let id = *ids.add(i);
-                if let Some(planes) = &planes
-                    && !group.enters(planes, id)
-                {
-                    continue;
-                }
-                let id = id as usize;
-                let ray = &*group.rays.add(id);
-                let best = &mut *group.best.add(id);
-                if ANY {
-                    let found = if tag == TAG_NODE {
-                        traverse::any::<I>(arena, child, ray, best.t, items)
+                *ids.add(left) = id;
+                left += usize::from(planes.is_none_or(|p| group.enters(&p, id)));
+            }
+            if tag == TAG_NODE || tag == TAG_ITEMS {
+                for i in 0..left {
+                    let id = *ids.add(i) as usize;
+                    let (ray, best) = (&*group.rays.add(id), &mut *group.best.add(id));
+                    if ANY {
+                        if traverse::any::<I>(arena, child, ray, best.t, items) {
+                            group.done(id);
+                        }
                     } else {
-                        traverse::any_in_leaf::<I>(base, child, ray, best.t, items)
-                    };
-                    if found {
-                        *group.limits.add(id) = f32::NEG_INFINITY;
-                    }
-                } else {
-                    if tag == TAG_NODE {
                         traverse::closest::<I>(arena, child, ray, best, items);
-                    } else {
-                        traverse::closest_in_leaf::<I>(base, child, ray, best, items);
+                        group.found(id, best.t);
                     }
-                    *group.limits.add(id) = scaled_limit(best.t);
                 }
+            } else {
+                let blocks = base.add((child >> 3) as usize * UNIT).cast::<Block>();
+                group.test_leaf::<I, ANY>(std::slice::from_raw_parts(blocks, tag as usize), std::slice::from_raw_parts(ids, left));
             }
         }
     }

@@ -10,7 +10,7 @@ use super::simd::{Avx2, Avx512};
 use super::simd::{Isa, IsaKind, Portable};
 use super::traverse::{Best, scaled_limit};
 use super::{Accel, Hit, Ray};
-use lists::{Group, Memory, OVERHANG};
+use lists::{Group, Memory, OVERHANG, TestRecord};
 use std::sync::atomic::AtomicUsize;
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -26,7 +26,8 @@ const LIST_WORDS: usize = 32 * MOST;
 pub struct StreamMemory {
     rays: Vec<Prepared>,
     best: Vec<Best>,
-    limits: Vec<f32>,
+    ends: Vec<[f32; 2]>,
+    tests: Vec<TestRecord>,
     keys: Vec<u8>,
     order: Vec<u32>,
     ids: Vec<u32>,
@@ -66,8 +67,8 @@ impl Accel {
         };
         for (rays, occluded) in rays.chunks(MOST).zip(occluded.chunks_mut(MOST)) {
             blas.trace_stream::<true>(self.isa(), rays, memory);
-            for (l, o) in memory.limits.iter().zip(occluded) {
-                *o = *l == f32::NEG_INFINITY;
+            for (l, o) in memory.ends.iter().zip(occluded) {
+                *o = l[1] == f32::NEG_INFINITY;
             }
         }
     }
@@ -107,7 +108,9 @@ impl Blas {
         m.rays.clear();
         m.rays.reserve(rays.len());
         m.best.clear();
-        m.limits.clear();
+        m.ends.clear();
+        m.tests.clear();
+        m.tests.reserve(rays.len());
         m.keys.clear();
         m.ids.resize(LIST_WORDS + OVERHANG, 0);
         m.masks.resize(MOST + OVERHANG, 0);
@@ -120,10 +123,12 @@ impl Blas {
                 let mut key = KEYS as u8 - 1;
                 if let Some(p) = Prepared::new::<I>(ray) {
                     key = p.key();
+                    let ([ox, oy, oz], [sx, sy, sz]) = (p.origin, p.shear);
+                    m.tests.as_mut_ptr().add(i).write(TestRecord([ox, oy, oz, sx, sy, sz, p.t_min, best.t]));
                     m.rays.as_mut_ptr().add(i).write(p);
                 }
                 m.keys.push(key);
-                m.limits.push(scaled_limit(best.t));
+                m.ends.push([ray.t_min.max(0.0) + 0.0, scaled_limit(best.t)]);
                 m.best.push(best);
                 ends[key as usize] += 1;
             }
@@ -150,7 +155,9 @@ impl Blas {
                 let group = Group {
                     rays: m.rays.as_ptr(),
                     best: m.best.as_mut_ptr(),
-                    limits: m.limits.as_mut_ptr(),
+                    ends: m.ends.as_mut_ptr(),
+                    tests: m.tests.as_mut_ptr(),
+                    keys: m.keys.as_ptr(),
                     near_at: (*m.rays.as_ptr().add(m.ids[0] as usize)).near_at,
                 };
                 let lists = Memory { ids: m.ids.as_mut_ptr(), capacity: LIST_WORDS, masks: m.masks.as_mut_ptr() };
