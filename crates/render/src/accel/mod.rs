@@ -22,7 +22,7 @@ mod tests;
 
 pub use blas::{Blas, BlasInput};
 pub use simd::IsaKind;
-pub use stream::{StreamMemory, TUNE};
+pub use stream::StreamMemory;
 pub use tlas::{Accel, Instance};
 
 use glam::Vec3;

@@ -225,7 +225,7 @@ pub(super) fn scaled_limit(t: f32) -> f32 {
 
 /// The item numbers of a list leaf.
 #[inline(always)]
-unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
+pub(super) unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
     // SAFETY: the caller vouches that `child` is a list of the arena at `base`: a length and so many words.
     unsafe {
         let p = base.add((child >> 3) as usize * UNIT).cast::<Unit>().cast::<u32>();
