@@ -173,7 +173,16 @@ mod x86 {
     /// AVX2: two rays.
     impl Floats for __m256 {
         const ROWS: usize = 2;
-        arithmetic!(_mm256_set1_ps, _mm256_storeu_ps, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_div_ps, _mm256_min_ps, _mm256_max_ps);
+        arithmetic!(
+            _mm256_set1_ps,
+            _mm256_storeu_ps,
+            _mm256_add_ps,
+            _mm256_sub_ps,
+            _mm256_mul_ps,
+            _mm256_div_ps,
+            _mm256_min_ps,
+            _mm256_max_ps
+        );
         comparisons!(_mm256_cmp_ps, _mm256_movemask_ps);
 
         #[inline(always)]
@@ -185,8 +194,18 @@ mod x86 {
             unsafe {
                 let (a, b) = (_mm256_loadu_ps(records[0]), _mm256_loadu_ps(records[1]));
                 let (lo, hi) = (_mm256_permute2f128_ps::<0x20>(a, b), _mm256_permute2f128_ps::<0x31>(a, b));
-                let (k0, k1, k2, k3) = (_mm256_permute_ps::<0x00>(lo), _mm256_permute_ps::<0x55>(lo), _mm256_permute_ps::<0xaa>(lo), _mm256_permute_ps::<0xff>(lo));
-                let (k4, k5, k6, k7) = (_mm256_permute_ps::<0x00>(hi), _mm256_permute_ps::<0x55>(hi), _mm256_permute_ps::<0xaa>(hi), _mm256_permute_ps::<0xff>(hi));
+                let (k0, k1, k2, k3) = (
+                    _mm256_permute_ps::<0x00>(lo),
+                    _mm256_permute_ps::<0x55>(lo),
+                    _mm256_permute_ps::<0xaa>(lo),
+                    _mm256_permute_ps::<0xff>(lo),
+                );
+                let (k4, k5, k6, k7) = (
+                    _mm256_permute_ps::<0x00>(hi),
+                    _mm256_permute_ps::<0x55>(hi),
+                    _mm256_permute_ps::<0xaa>(hi),
+                    _mm256_permute_ps::<0xff>(hi),
+                );
                 [k0, k1, k2, k3, k4, k5, k6, k7]
             }
         }
@@ -195,7 +214,16 @@ mod x86 {
     /// AVX-512 F: four rays.
     impl Floats for __m512 {
         const ROWS: usize = 4;
-        arithmetic!(_mm512_set1_ps, _mm512_storeu_ps, _mm512_add_ps, _mm512_sub_ps, _mm512_mul_ps, _mm512_div_ps, _mm512_min_ps, _mm512_max_ps);
+        arithmetic!(
+            _mm512_set1_ps,
+            _mm512_storeu_ps,
+            _mm512_add_ps,
+            _mm512_sub_ps,
+            _mm512_mul_ps,
+            _mm512_div_ps,
+            _mm512_min_ps,
+            _mm512_max_ps
+        );
 
         #[inline(always)]
         unsafe fn load_row(p: *const f32) -> Self {

@@ -354,7 +354,8 @@ mod x86 {
             let mut n = 0;
             for i in (0..count).step_by(8) {
                 unsafe {
-                    let m = _mm_cmpeq_epi8(_mm_and_si128(_mm_loadl_epi64(masks.add(i).cast()), _mm_set1_epi8(1 << lane)), _mm_setzero_si128());
+                    let m =
+                        _mm_cmpeq_epi8(_mm_and_si128(_mm_loadl_epi64(masks.add(i).cast()), _mm_set1_epi8(1 << lane)), _mm_setzero_si128());
                     let k = !_mm_movemask_epi8(m) as usize & 0xff;
                     let order = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(LANES_OF_MASK[k] as i64));
                     let packed = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(ids.add(i).cast()), order);

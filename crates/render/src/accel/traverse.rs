@@ -136,7 +136,8 @@ pub(super) unsafe fn take_hits<'a, I: Isa, V: Floats>(
             let at = mask.trailing_zeros() as usize % MOST_LANES;
             mask &= mask - 1;
             let (row, lane) = (at / LANES, at % LANES);
-            let vertex = |k: usize| I::row(block.vertices[3 * k][lane], block.vertices[3 * k + 1][lane], block.vertices[3 * k + 2][lane], 0.0);
+            let vertex =
+                |k: usize| I::row(block.vertices[3 * k][lane], block.vertices[3 * k + 1][lane], block.vertices[3 * k + 2][lane], 0.0);
             let (a, b, c) = (vertex(0), vertex(1), vertex(2));
             let (lo, hi) = (I::B::min(I::B::min(a, b), c), I::B::max(I::B::max(a, b), c));
             if let Some(near) = ray(row).enters_between::<I>(lo, hi)
@@ -158,9 +159,7 @@ unsafe fn test_ray<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut take:
         let ([ox, oy, oz], [sx, sy, sz]) = (ray.origin, ray.shear);
         let test = [ox, oy, oz, sx, sy, sz, ray.t_min, t_last].map(|x| I::B::splat(x));
         match test_block(block, &ray.axes, &test) {
-            Some(hits) if hits.mask != 0 => {
-                take_hits::<I, I::B>(block, &hits, hits.mask, |_| ray, |_, t, u, v, prim| take(t, u, v, prim))
-            }
+            Some(hits) if hits.mask != 0 => take_hits::<I, I::B>(block, &hits, hits.mask, |_| ray, |_, t, u, v, prim| take(t, u, v, prim)),
             _ => false,
         }
     }
