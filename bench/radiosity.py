@@ -439,6 +439,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as temporary:
         folder = arguments.keep or Path(temporary)
         folder.mkdir(parents=True, exist_ok=True)
+        arguments.folder.mkdir(parents=True, exist_ok=True)
         if "agree" in what or "speed" in what:
             references = {name: Reference(arguments.etendue, scene, arguments.spp, folder) for name, scene in SCENES.items()}
             if "agree" in what:

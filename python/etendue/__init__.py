@@ -16,7 +16,7 @@ The same seed gives the same picture, bit for bit, with any number of threads.
 from etendue._errors import Error, Fault, ImageError, SceneError, SettingError, UnsupportedError
 from etendue._etendue import Status, __version__
 from etendue._images import compare, flip_map, read_image, read_layers, tonemap, write_image
-from etendue._scene import Loss, Parameter, Scene, View, load, load_dict, load_string, parameters
+from etendue._scene import Loss, Parameter, Scene, View, integrators, load, load_dict, load_string, parameters
 from etendue._study import study
 from etendue._transform import Transform
 
@@ -36,6 +36,7 @@ __all__ = [
     "__version__",
     "compare",
     "flip_map",
+    "integrators",
     "load",
     "load_dict",
     "load_string",

@@ -65,6 +65,11 @@ def parameters() -> list[Parameter]:
     return [Parameter(*row) for row in _etendue.parameters()]
 
 
+def integrators() -> list[str]:
+    """Return the names that the setting `integrator` takes."""
+    return list(_etendue.integrators())
+
+
 class Scene:
     """A scene that has been read. Made by `load`, `load_string` and `load_dict`; it never changes."""
 

@@ -44,7 +44,7 @@ mod _etendue {
     #[pymodule_export]
     use super::scene::{Scene, load, load_dict, load_string};
     #[pymodule_export]
-    use super::settings::parameters;
+    use super::settings::{integrators, parameters};
 
     use super::{Bound, PyModule, PyModuleMethods, PyResult};
 

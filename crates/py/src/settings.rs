@@ -14,6 +14,12 @@ pub fn parameters() -> Vec<(&'static str, &'static str, &'static str, &'static s
     RenderSettings::SPECS.iter().map(|s| (s.name, s.kind, s.unit, s.default, s.doc.trim())).collect()
 }
 
+/// Names that the setting `integrator` takes.
+#[pyfunction]
+pub fn integrators() -> Vec<&'static str> {
+    etendue_render::integrator::NAMES.to_vec()
+}
+
 /// Settings from keywords; None leaves one at its default.
 ///
 /// # Errors

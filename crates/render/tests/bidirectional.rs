@@ -4,8 +4,6 @@
 
 mod support;
 
-use etendue_render::film::Film;
-use etendue_render::math::fns;
 use etendue_scene::desc::*;
 use etendue_scene::{RenderSettings, SceneDesc};
 use glam::{Mat4, Vec3};
@@ -22,34 +20,13 @@ fn method(name: &str, spp: u32) -> RenderSettings {
     RenderSettings { integrator: Some(name.into()), ..base(spp) }
 }
 
-/// Pictures with seeds of their own.
-fn films(desc: &SceneDesc, s: &RenderSettings, first_seed: u64, count: u64) -> Vec<Film> {
-    (0..count).map(|i| render(desc, &RenderSettings { seed: first_seed + i, ..s.clone() })).collect()
-}
-
 /// The path tracer's.
 fn reference(desc: &SceneDesc, s: &RenderSettings) -> Blocks {
-    Blocks::new(&films(desc, s, 50, 2), EDGE)
+    Blocks::new(&render_seeds(desc, s, 50..52), EDGE)
 }
 
-/// Films of so many seeds for [`blocks`].
-const SEEDS: u64 = 10;
-
-/// Means over seeds. Pixels that share light paths are not independent, so that the variance is that between seeds, raised by so
-/// much that its own uncertainty (of nine degrees of freedom) does not make false alarms.
 fn blocks(desc: &SceneDesc, s: &RenderSettings) -> Blocks {
-    let parts: Vec<Blocks> = (0..SEEDS).map(|i| Blocks::new(&films(desc, s, i, 1), EDGE)).collect();
-    let mut all = parts[0].clone();
-    let n = SEEDS as f64;
-    for i in 0..all.mean.len() {
-        for c in 0..3 {
-            let values = || parts.iter().map(|p| p.mean[i][c]);
-            let mean = values().sum::<f64>() / n;
-            all.mean[i][c] = mean;
-            all.variance[i][c] = 3.0 * values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0));
-        }
-    }
-    all
+    Blocks::of_seeds(desc, s, EDGE)
 }
 
 fn wall(desc: &mut SceneDesc, m: Mat4, b: BsdfId) -> ShapeId {
@@ -102,12 +79,6 @@ fn caustic() -> SceneDesc {
 
 /// Adds something to a scene.
 type Change = fn(&mut SceneDesc);
-
-/// The unit direction at angles to the z axis and about it.
-fn spherical(theta: f32, phi: f32) -> Vec3 {
-    let ((sin_theta, cos_theta), (sin_phi, cos_phi)) = (fns::sin_cos(theta), fns::sin_cos(phi));
-    Vec3::new(sin_theta * cos_phi, sin_theta * sin_phi, cos_theta)
-}
 
 #[test]
 fn rough_surfaces() {
@@ -271,9 +242,9 @@ fn filters() {
         add(&mut desc, LightDesc::Directional { direction: Vec3::new(0.2, 0.1, -1.0), irradiance: [3.0, 2.0, 1.0] });
         orthographic(&mut desc, Vec3::new(0.2, 0.1, 2.0), Vec3::new(0.2, 0.1, 0.0), 0.6);
         let with = |name: &str, spp| RenderSettings { filter: Some(name.into()), ..settings(24, 24, spp) };
-        let path = Blocks::new(&films(&desc, &with(name, 512), 50, 2), edge);
+        let path = Blocks::new(&render_seeds(&desc, &with(name, 512), 50..52), edge);
         let light = RenderSettings { integrator: Some("light".into()), ..with(name, 1024) };
-        assert_same(&format!("light {name}"), &Blocks::new(&films(&desc, &light, 0, 2), edge), &path, 5e-3, 1.0);
+        assert_same(&format!("light {name}"), &Blocks::new(&render_seeds(&desc, &light, 0..2), edge), &path, 5e-3, 1.0);
     }
 }
 
@@ -293,34 +264,12 @@ fn white_furnace() {
     }
 }
 
-/// A coarse ball of radius 0.7 with smooth normals.
-fn coarse_ball(desc: &mut SceneDesc, columns: u32, rows: u32) -> GeometryDesc {
-    let mut mesh = MeshData::default();
-    for y in 0..=rows {
-        for x in 0..columns {
-            let (phi, theta) = (x as f32 / columns as f32 * std::f32::consts::TAU, y as f32 / rows as f32 * std::f32::consts::PI);
-            let n = spherical(theta, phi);
-            mesh.positions.push(n * 0.7);
-            mesh.normals.push(n);
-        }
-    }
-    for y in 0..rows {
-        for x in 0..columns {
-            let at = |x: u32, y: u32| y * columns + x % columns;
-            mesh.triangles.push([at(x, y), at(x, y + 1), at(x + 1, y + 1)]);
-            mesh.triangles.push([at(x, y), at(x + 1, y + 1), at(x + 1, y)]);
-        }
-    }
-    let mesh = add(desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
-    GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }
-}
-
 /// Shading normals that are not the geometric ones, and normals that depend on the viewer.
 #[test]
 fn interpolated_normals_and_bumps() {
     let mut desc = scene();
     let white = room(&mut desc);
-    let geometry = coarse_ball(&mut desc, 8, 5);
+    let geometry = ball(&mut desc, 0.7, 8, 5);
     let two_sided = bsdf(&mut desc, BsdfDesc::TwoSided { front: white, back: white });
     shape(&mut desc, geometry, Mat4::from_translation(Vec3::new(0.0, 0.0, 0.9)), Some(two_sided));
     let light = rectangle(&mut desc, Vec3::new(0.3, 0.0, 2.9), [0.8, 0.5], true, Some(white));

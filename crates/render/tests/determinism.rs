@@ -84,15 +84,6 @@ fn render_some(session: &mut Session, spp: u32) -> Reason {
     session.render(&Stop { spp: Some(spp), ..Stop::default() }, &Cancel::default(), &Silent).unwrap()
 }
 
-/// All that a film holds but the time that it took.
-fn bytes(film: &Film) -> Vec<u8> {
-    let mut film = film.clone();
-    film.meta.render_ms = 0;
-    let mut out = Vec::new();
-    film.write_to(&mut out).unwrap();
-    out
-}
-
 fn reference(sampler: &str) -> Vec<u8> {
     let mut session = new_session(sampler);
     assert_eq!(render_some(&mut session, SPP), Reason::Samples);

@@ -49,7 +49,7 @@ fn base(spp: u32) -> RenderSettings {
 
 /// Three pictures with seeds of their own.
 fn films(desc: &SceneDesc, s: &RenderSettings, first_seed: u64) -> Vec<Film> {
-    (0..3).map(|i| render(desc, &RenderSettings { seed: first_seed + i, ..s.clone() })).collect()
+    render_seeds(desc, s, first_seed..first_seed + 3)
 }
 
 fn naive_films(desc: &SceneDesc, s: &RenderSettings, max_depth: u32) -> Vec<Film> {

@@ -174,6 +174,31 @@ fn a_dark_room_beside_a_bright_one_stays_dark() {
 }
 
 #[test]
+fn faces_that_touch_borrow_the_light_beside_them() {
+    // Between two cubes under a sky: no ray gets there, but the pixels of a viewer do.
+    let mut desc = scene();
+    view(&mut desc);
+    let gray = diffuse(&mut desc, 0.5);
+    let both = bsdf(&mut desc, BsdfDesc::TwoSided { front: gray, back: gray });
+    for x in [-1.0, 1.0] {
+        shape(&mut desc, GeometryDesc::Cube, Mat4::from_translation(Vec3::new(x, 0.0, 0.0)), Some(both));
+    }
+    constant_sky(&mut desc, 1.0);
+    let options = BakeOptions { resolution: 64, texels_per_meter: Some(6.0), ..BakeOptions::default() };
+    let (bake, solution, baked) = bake(&desc, &depth(1), &options, 16);
+    let mut touching = 0;
+    for (i, (texel, (_, p, n))) in layout(&bake).texels.iter().zip(places(&bake)).enumerate() {
+        let map = &baked.irradiance[texel.atlas as usize];
+        let e = map.data[map.index(texel.at[0], texel.at[1])][0];
+        assert!(e > 0.45 * PI, "{p} {n}: {e}");
+        let is_between = p.x.abs() < 1e-3 && n.x.abs() > 0.5;
+        assert_eq!(solution.irradiance(i).is_none(), is_between, "{p} {n}");
+        touching += u32::from(is_between);
+    }
+    assert!(touching > 200, "{touching}");
+}
+
+#[test]
 fn the_same_bits_for_any_threads_and_interruptions() {
     let desc = two_rooms(0.3);
     let (settings, options) = (depth(3), small());

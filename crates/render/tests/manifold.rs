@@ -4,8 +4,6 @@
 
 mod support;
 
-use etendue_render::film::Film;
-use etendue_render::math::fns;
 use etendue_scene::desc::*;
 use etendue_scene::{RenderSettings, SceneDesc};
 use glam::{Mat4, Vec3};
@@ -18,25 +16,8 @@ fn method(name: &str, max_depth: u32, spp: u32) -> RenderSettings {
     RenderSettings { integrator: Some(name.into()), max_depth: Some(max_depth), ..settings(24, 24, spp) }
 }
 
-fn films(desc: &SceneDesc, s: &RenderSettings, seeds: std::ops::Range<u64>) -> Vec<Film> {
-    seeds.map(|seed| render(desc, &RenderSettings { seed, ..s.clone() })).collect()
-}
-
-/// Means of blocks over so many seeds; the variance is that between seeds, raised by so much that its own uncertainty does not make
-/// false alarms: pixels of methods that splat are not independent, and few rare samples make most of the noise of others.
 fn blocks(desc: &SceneDesc, s: &RenderSettings) -> Blocks {
-    let parts: Vec<Blocks> = (0..10).map(|i| Blocks::new(&films(desc, s, i..i + 1), EDGE)).collect();
-    let mut all = parts[0].clone();
-    let n = parts.len() as f64;
-    for i in 0..all.mean.len() {
-        for c in 0..3 {
-            let values = || parts.iter().map(|p| p.mean[i][c]);
-            let mean = values().sum::<f64>() / n;
-            all.mean[i][c] = mean;
-            all.variance[i][c] = 3.0 * values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0));
-        }
-    }
-    all
+    Blocks::of_seeds(desc, s, EDGE)
 }
 
 /// A floor seen from a little above, from below what is over it: no glass is in view.
@@ -108,29 +89,6 @@ fn a_slab_has_a_closed_form() {
         // 37000 samples of which half find the way.
         assert!((sum / wanted_sum - 1.0).abs() < 0.02, "{name}: {} of the known light", sum / wanted_sum);
     }
-}
-
-/// A ball of triangles with smooth normals.
-fn ball(desc: &mut SceneDesc, radius: f32, columns: u32, rows: u32) -> GeometryDesc {
-    let mut mesh = MeshData::default();
-    for y in 0..=rows {
-        for x in 0..columns {
-            let (phi, theta) = (x as f32 / columns as f32 * std::f32::consts::TAU, y as f32 / rows as f32 * std::f32::consts::PI);
-            let ((st, ct), (sp, cp)) = (fns::sin_cos(theta), fns::sin_cos(phi));
-            let n = Vec3::new(st * cp, st * sp, ct);
-            mesh.positions.push(n * radius);
-            mesh.normals.push(n);
-        }
-    }
-    for y in 0..rows {
-        for x in 0..columns {
-            let at = |x: u32, y: u32| y * columns + x % columns;
-            mesh.triangles.push([at(x, y), at(x, y + 1), at(x + 1, y + 1)]);
-            mesh.triangles.push([at(x, y), at(x + 1, y + 1), at(x + 1, y)]);
-        }
-    }
-    let mesh = add(desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
-    GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }
 }
 
 /// Light of a point behind a glass ball, which paths cannot find, is what light tracing finds.

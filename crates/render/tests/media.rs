@@ -200,7 +200,7 @@ fn hostile_media_end_in_bounded_time_with_numbers() {
 // Scenes.
 
 fn films(desc: &SceneDesc, settings: &RenderSettings) -> Vec<Film> {
-    (0..4).map(|seed| render(desc, &RenderSettings { seed, ..settings.clone() })).collect()
+    render_seeds(desc, settings, 0..4)
 }
 
 fn homogeneous(desc: &mut SceneDesc, sigma_a: [f32; 3], sigma_s: [f32; 3], g: f32) -> MediumId {

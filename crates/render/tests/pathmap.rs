@@ -4,7 +4,6 @@
 
 mod support;
 
-use etendue_render::film::Film;
 use etendue_render::session::{Cancel, Silent, Stop};
 use etendue_scene::desc::*;
 use etendue_scene::{RenderSettings, SceneDesc};
@@ -18,25 +17,8 @@ fn method(name: &str, max_depth: u32, spp: u32) -> RenderSettings {
     RenderSettings { integrator: Some(name.into()), max_depth: Some(max_depth), photons: Some(8000), ..settings(24, 24, spp) }
 }
 
-fn films(desc: &SceneDesc, s: &RenderSettings, seeds: std::ops::Range<u64>) -> Vec<Film> {
-    seeds.map(|seed| render(desc, &RenderSettings { seed, ..s.clone() })).collect()
-}
-
-/// Means of blocks over so many seeds; the variance is that between seeds, as pixels of a pass share its photons, raised by so much that
-/// its own uncertainty does not make false alarms.
 fn blocks(desc: &SceneDesc, s: &RenderSettings) -> Blocks {
-    let parts: Vec<Blocks> = (0..10).map(|i| Blocks::new(&films(desc, s, i..i + 1), EDGE)).collect();
-    let mut all = parts[0].clone();
-    let n = parts.len() as f64;
-    for i in 0..all.mean.len() {
-        for c in 0..3 {
-            let values = || parts.iter().map(|p| p.mean[i][c]);
-            let mean = values().sum::<f64>() / n;
-            all.mean[i][c] = mean;
-            all.variance[i][c] = 3.0 * values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0));
-        }
-    }
-    all
+    Blocks::of_seeds(desc, s, EDGE)
 }
 
 /// The blur goes with the square of the radius: two radii tell what none would give.
@@ -89,7 +71,7 @@ fn lamp(desc: &mut SceneDesc) {
 fn the_light_of_paths_once() {
     let mut desc = room();
     lamp(&mut desc);
-    let path = Blocks::new(&films(&desc, &method("path", 6, 1024), 50..52), EDGE);
+    let path = Blocks::new(&render_seeds(&desc, &method("path", 6, 1024), 50..52), EDGE);
     // One block sees hardly more than the dark beyond the room.
     assert_same("pathmap", &without_radius(&desc, &method("pathmap", 6, 24), 0.12), &path, 4e-3, 0.7);
 }
@@ -99,7 +81,7 @@ fn every_depth_by_itself() {
     let mut desc = room();
     lamp(&mut desc);
     for depth in [0, 1, 2, 3] {
-        let path = Blocks::new(&films(&desc, &method("path", depth, 512), 50..52), EDGE);
+        let path = Blocks::new(&render_seeds(&desc, &method("path", depth, 512), 50..52), EDGE);
         let found = without_radius(&desc, &method("pathmap", depth, 16), 0.12);
         assert_same(&format!("pathmap depth {depth}"), &found, &path, 4e-3, 0.9);
     }
@@ -117,7 +99,7 @@ fn other_lights_and_media() {
     let smoke = MediumDesc::Homogeneous { sigma_a: [0.5, 0.2, 0.1], sigma_s: [1.0; 3], emission: [0.0; 3], phase };
     let id = add(&mut desc, smoke);
     desc.shapes[ball.0 as usize].value.interior = Some(id);
-    let path = Blocks::new(&films(&desc, &method("path", 6, 1024), 50..52), EDGE);
+    let path = Blocks::new(&render_seeds(&desc, &method("path", 6, 1024), 50..52), EDGE);
     assert_same("pathmap sky and smoke", &without_radius(&desc, &method("pathmap", 6, 24), 0.12), &path, 4e-3, 0.1);
 }
 
@@ -165,26 +147,7 @@ fn nothing_to_find() {
 fn passes_merge_exactly_and_threads_do_not_matter() {
     let mut desc = room();
     lamp(&mut desc);
-    let part = |first: u32, spp: u32, threads: usize| {
-        let s = method("pathmap", 6, spp);
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let mut session = session(&desc, &s);
-            session.set_first_sample(first);
-            session.render(&Stop { spp: Some(spp), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
-            session.into_film()
-        })
-    };
-    let mut whole = part(0, 5, 2);
-    let mut merged = part(3, 2, 1);
-    merged.merge(&part(0, 3, 3)).unwrap();
-    let bytes = |film: &mut Film| {
-        film.meta.render_ms = 0;
-        let mut bytes = Vec::new();
-        film.write_to(&mut bytes).unwrap();
-        bytes
-    };
-    assert!(bytes(&mut whole) == bytes(&mut merged), "the film of merged passes differs");
+    assert_passes_merge(&desc, &method("pathmap", 6, 5));
 }
 
 #[test]

@@ -165,7 +165,7 @@ fn with(integrator: &str, spp: u32, f: impl FnOnce(&mut RenderSettings)) -> Rend
 
 /// Means of blocks of 6 × 6 pixels by channel, with the standard error over pictures of several seeds.
 fn blocks(desc: &SceneDesc, s: &RenderSettings, seeds: u64) -> Vec<[(f64, f64); 3]> {
-    let films: Vec<Film> = (0..seeds).map(|seed| render(desc, &RenderSettings { seed: 77 + seed, ..s.clone() })).collect();
+    let films: Vec<Film> = render_seeds(desc, s, 77..77 + seeds);
     let means: Vec<Vec<[f64; 3]>> = films
         .iter()
         .map(|film| {
@@ -319,27 +319,7 @@ fn errors_of_sppm_fall_with_the_passes() {
 fn passes_merge_exactly_and_threads_do_not_matter() {
     let mut desc = room(false);
     lamp(&mut desc);
-    let part = |first: u32, spp: u32, threads: usize| {
-        let s = with("sppm", spp, |s| s.photons = Some(5000));
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            let mut session = session(&desc, &s);
-            session.set_first_sample(first);
-            session.render(&Stop { spp: Some(spp), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
-            session.into_film()
-        })
-    };
-    let whole = part(0, 5, 2);
-    let mut merged = part(3, 2, 1);
-    merged.merge(&part(0, 3, 3)).unwrap();
-    let bytes = |film: &mut Film| {
-        film.meta.render_ms = 0;
-        let mut bytes = Vec::new();
-        film.write_to(&mut bytes).unwrap();
-        bytes
-    };
-    let mut whole = whole;
-    assert!(bytes(&mut whole) == bytes(&mut merged), "the film of merged passes differs");
+    assert_passes_merge(&desc, &with("sppm", 5, |s| s.photons = Some(5000)));
 }
 
 #[test]

@@ -61,15 +61,6 @@ fn render_some(session: &mut Session, spp: u32) {
     assert_eq!(session.render(&stop, &Cancel::default(), &Silent).unwrap(), Reason::Samples);
 }
 
-/// All that a film holds but the time that it took.
-fn bytes(film: &Film) -> Vec<u8> {
-    let mut film = film.clone();
-    film.meta.render_ms = 0;
-    let mut out = Vec::new();
-    film.write_to(&mut out).unwrap();
-    out
-}
-
 fn reference(method: &str, crop: Option<[u32; 4]>) -> Film {
     let mut session = new_session(method, crop);
     render_some(&mut session, SPP);

@@ -36,12 +36,9 @@ LARGEST_EDGE = 4096
 
 
 def integrators(scene: etendue.Scene) -> list[str]:
-    """Return names of the integrators that can be chosen for a scene."""
-    if scene.info()["format"] == "pov":
-        return ["whitted"]
-    doc = next(p.doc for p in etendue.parameters() if p.name == "integrator")
-    names = doc.partition(":")[2].strip(" .")
-    return [name.strip().split(" ")[0] for name in names.split(",") if name.strip()]
+    """Return names of the integrators that can be chosen for a scene, its own first."""
+    own = "whitted" if scene.info()["format"] == "pov" else "auto"
+    return [own, *(name for name in etendue.integrators() if name != own)]
 
 
 class Viewers:

@@ -13,15 +13,15 @@
 use super::caustics::{Caustics, Place, Start};
 use super::photon_settings::{PhotonSettings, median_distance};
 use super::photon_walk::MAX_PDF;
-use super::sppm::{NEIGHBORS, PHOTONS, PILOT, shrink, trees};
+use super::sppm::{NEIGHBORS, PHOTONS, PILOT, shrink, trace_pass, trees};
 use super::{Estimate, Stage};
 use crate::bsdf::{BsdfSample, Lobe};
 use crate::light::{Light, LightContext, LightSampler, LightSelection};
 use crate::material::Scatter;
 use crate::math::Vec3;
-use crate::photon::trace::{Keep, Tracer};
+use crate::photon::trace::Keep;
 use crate::photon::tree::Neighbors;
-use crate::photon::{MapInfo, Photon, PhotonMap, PhotonTree, Query};
+use crate::photon::{Photon, PhotonTree, Query};
 use crate::sampler::SampleStream;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
@@ -124,15 +124,7 @@ impl CausticMap {
     }
 
     fn trace(&self, scene: &Scene, pass: u32, stage: &Stage) -> ([PhotonTree; 2], f32, u32) {
-        let tracer = Tracer::new(scene, stage.seed, self.settings.depth(), Keep::FOCUSED);
-        let mut map = PhotonMap::new(MapInfo::default());
-        // The pilot stays beside the pass.
-        let budget = self.settings.memory / 3;
-        map.trace_with(&tracer, pass, 0..u64::from(self.photons), budget, stage.is_cancelled, &mut |_, f| {
-            if pass == PILOT {
-                (stage.progress)("tracing the pilot photons", f);
-            }
-        });
+        let map = trace_pass(&self.settings, Keep::FOCUSED, self.photons, scene, pass, stage);
         let (scale, level) = (map.scale(), map.level());
         (trees(map.into_photons().0), scale, level)
     }

@@ -66,21 +66,25 @@ impl Sppm {
     }
 
     fn trace(&self, scene: &Scene, pass: u32, stage: &Stage) -> Pass {
-        let keep = Keep { direct: false, ..Keep::ALL };
-        let tracer = Tracer::new(scene, stage.seed, self.settings.depth(), keep);
-        let mut map = PhotonMap::new(MapInfo::default());
-        // The pilot stays beside the pass, whose caustics are copied out of it.
-        let budget = self.settings.memory / 3;
-        map.trace_with(&tracer, pass, 0..u64::from(self.photons), budget, stage.is_cancelled, &mut |_, f| {
-            if pass == PILOT {
-                (stage.progress)("tracing the pilot photons", f);
-            }
-        });
+        let map = trace_pass(&self.settings, Keep { direct: false, ..Keep::ALL }, self.photons, scene, pass, stage);
         let (scale, level) = (map.scale(), map.level());
         let (surface, volume) = map.into_photons();
         let ([caustic, indirect], volume) = rayon::join(|| trees(surface), || PhotonTree::new(volume));
         Pass { caustic, indirect, volume, beams: PhotonBeams::default(), scale, level }
     }
+}
+
+/// So many photons of one pass, in a third of the memory that the settings allow: the pilot stays beside the pass, whose caustics are
+/// copied out of it.
+pub(super) fn trace_pass(settings: &PhotonSettings, keep: Keep, photons: u32, scene: &Scene, pass: u32, stage: &Stage) -> PhotonMap {
+    let tracer = Tracer::new(scene, stage.seed, settings.depth(), keep);
+    let mut map = PhotonMap::new(MapInfo::default());
+    map.trace_with(&tracer, pass, 0..u64::from(photons), settings.memory / 3, stage.is_cancelled, &mut |_, f| {
+        if pass == PILOT {
+            (stage.progress)("tracing the pilot photons", f);
+        }
+    });
+    map
 }
 
 /// Caustics and all other photons, each by place.

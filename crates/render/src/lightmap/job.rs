@@ -207,14 +207,15 @@ impl Bake {
         let materials = points.materials();
         let albedo = fill::maps(layout, padding, |i| Some(materials[i].0));
         let normal = fill::maps(layout, padding, |i| Some(materials[i].1));
-        let direction = fill::maps(layout, padding, |i| solution.irradiance(i).map(|_| solution.direction(i).to_array()));
-        let mut irradiance = fill::maps(layout, padding, |i| solution.irradiance(i));
+        let lit = |i: usize| spots[i].lender.map_or(i, |lender| lender as usize);
+        let direction = fill::maps(layout, padding, |i| solution.irradiance(lit(i)).map(|_| solution.direction(lit(i)).to_array()));
+        let mut irradiance = fill::maps(layout, padding, |i| solution.irradiance(lit(i)));
         // What is filled must not count as measured when it is filled again.
         let refill = |maps: &[Map]| {
             fill::maps(layout, padding, |i| {
-                let t = &layout.texels[i];
+                let t = &layout.texels[lit(i)];
                 let map = &maps[t.atlas as usize];
-                (!spots[i].is_buried).then(|| map.data[map.index(t.at[0], t.at[1])])
+                (!spots[lit(i)].is_buried).then(|| map.data[map.index(t.at[0], t.at[1])])
             })
         };
         if let Some(denoiser) = denoiser {

@@ -2,14 +2,15 @@
 //!
 //! A texel's center may lie inside of another body that stands on the surface: it is moved out of it if the body ends within the texel,
 //! else it is left to its neighbors. Where anything stands within the texel, its light is taken at that one point only, as the rest
-//! of it may lie behind a wall.
+//! of it may lie behind a wall. Where slabs touch, whole charts are buried or all but a far corner: such texels borrow the light of the
+//! nearest texels of their surface, as a viewer's pixels at the crack between the slabs show it.
 
 use rayon::prelude::*;
 
 use super::flatten::Flat;
 use super::layout::{Layout, Texel};
 use crate::accel::{Hit, Ray};
-use crate::math::{Frame, Vec2, Vec3};
+use crate::math::{Aabb, Frame, Vec2, Vec3};
 use crate::scene::{Scene, Surface};
 
 /// Rays start this share of a texel above the surface.
@@ -26,6 +27,8 @@ pub struct Spot {
     pub is_buried: bool,
     /// Nothing stands within the texel: the light of all of it may be taken.
     pub is_clear: bool,
+    /// The texel whose light it borrows.
+    pub lender: Option<u32>,
 }
 
 /// The flat scene compiled, with what connects the two.
@@ -66,7 +69,58 @@ impl World<'_> {
 
 /// Finds the spots of all texels.
 pub fn spots(world: &World, layout: &Layout) -> Vec<Spot> {
-    layout.texels.par_iter().map(|t| spot(world, layout, t)).collect()
+    let mut spots: Vec<Spot> = layout.texels.par_iter().map(|t| spot(world, layout, t)).collect();
+    lend(layout, &mut spots);
+    spots
+}
+
+/// Finds the lenders of buried texels: the nearest texels of their surface, where those are not of the same chart. In the chart, neighbors
+/// fill them.
+fn lend(layout: &Layout, spots: &mut [Spot]) {
+    let chart_of = |i: usize| layout.texels[i].chart as usize;
+    let side_of = |i: usize| layout.charts[chart_of(i)].side as usize;
+    let mut lenders: Vec<Vec<usize>> = vec![Vec::new(); layout.sides.len()];
+    (0..spots.len()).filter(|&i| !spots[i].is_buried).for_each(|i| lenders[side_of(i)].push(i));
+    let sides: Vec<Lenders> = lenders.into_par_iter().map(|all| Lenders::new(spots, all)).collect();
+    let find = |(i, spot): (usize, &Spot)| {
+        let lender = spot.is_buried.then(|| sides[side_of(i)].nearest(spot.p)).flatten()?;
+        (chart_of(lender as usize) != chart_of(i)).then_some(lender)
+    };
+    let found: Vec<Option<u32>> = spots.par_iter().enumerate().map(find).collect();
+    spots.iter_mut().zip(found).for_each(|(spot, lender)| spot.lender = lender);
+}
+
+/// Texels of a side that have light of their own, along the axis of their largest extent.
+struct Lenders {
+    axis: usize,
+    /// Places and texels, by coordinate.
+    sorted: Vec<(Vec3, u32)>,
+}
+
+impl Lenders {
+    fn new(spots: &[Spot], all: Vec<usize>) -> Self {
+        let extent = Aabb::from_points(all.iter().map(|&i| spots[i].p)).extent();
+        let axis = (0..3).fold(0, |best, k| if extent[k] > extent[best] { k } else { best });
+        let mut sorted: Vec<(Vec3, u32)> = all.into_iter().map(|i| (spots[i].p, i as u32)).collect();
+        sorted.sort_unstable_by(|a, b| a.0[axis].total_cmp(&b.0[axis]).then(a.1.cmp(&b.1)));
+        Self { axis, sorted }
+    }
+
+    fn nearest(&self, p: Vec3) -> Option<u32> {
+        let middle = self.sorted.partition_point(|(q, _)| q[self.axis] < p[self.axis]);
+        let mut best: Option<(f32, u32)> = None;
+        let mut look = |(q, i): &(Vec3, u32)| {
+            let (along, distance) = (crate::math::fns::sqr(q[self.axis] - p[self.axis]), q.distance_squared(p));
+            if best.is_none_or(|b| (distance, *i) < b) {
+                best = Some((distance, *i));
+            }
+            best.is_some_and(|b| along > b.0)
+        };
+        // Both ways, until nothing nearer can come.
+        let _ = self.sorted[middle..].iter().any(&mut look);
+        let _ = self.sorted[..middle].iter().rev().any(&mut look);
+        best.map(|b| b.1)
+    }
 }
 
 fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
@@ -88,7 +142,7 @@ fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
         let meets = |d: &Vec3| *d != Vec3::ZERO && world.scene.accel.occluded(&Ray { t_max: reach, ..Ray::new(o, *d) });
         let is_clear = !directions.iter().any(meets);
         // From a point on the rim of a wall rays would start in the wall.
-        return Spot { p: s.p, is_buried: false, is_clear };
+        return Spot { p: s.p, is_buried: false, is_clear, lender: None };
     }
     let mut best: Option<(f32, Vec3)> = None;
     for d in directions.iter().filter(|d| **d != Vec3::ZERO) {
@@ -96,14 +150,17 @@ fn spot(world: &World, layout: &Layout, texel: &Texel) -> Spot {
             && best.is_none_or(|(nearest, _)| t < nearest)
         {
             let out = s.p + *d * (t + LIFT * size);
-            if !world.is_inside(out + (o - s.p), s.ng) {
+            // Beyond the rim of the surface it would be in the light of other places.
+            let above = out + (o - s.p);
+            let down = Ray { t_max: LIFT * size + reach, ..Ray::new(above, -s.ng) };
+            if !world.is_inside(above, s.ng) && world.scene.intersect(&down).is_some_and(|hit| hit.object == side.shape) {
                 best = Some((t, out));
             }
         }
     }
     match best {
-        Some((_, p)) => Spot { p, is_buried: false, is_clear: false },
-        None => Spot { p: s.p, is_buried: true, is_clear: false },
+        Some((_, p)) => Spot { p, is_buried: false, is_clear: false, lender: None },
+        None => Spot { p: s.p, is_buried: true, is_clear: false, lender: None },
     }
 }
 

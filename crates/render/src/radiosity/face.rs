@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use glam::Vec3;
 use rayon::prelude::*;
 
+use super::bodies;
 use super::form_factor::area_of;
 use super::material::{SideOptics, side_optics};
 use super::shapes::{self, Extent, Grid};
@@ -87,16 +88,17 @@ pub struct Faces {
 const SHAPE_BIT: u32 = 1 << 31;
 
 /// A triangle to be, before it is known which of its sides count.
-struct Candidate {
-    corners: [Vec3; 3],
-    instance: u32,
-    primitive: u32,
-    shape: u32,
+pub(super) struct Candidate {
+    pub corners: [Vec3; 3],
+    pub instance: u32,
+    pub primitive: u32,
+    /// As [`Face::shape`].
+    pub shape: u32,
 }
 
 impl Faces {
-    /// Collects the faces of a scene. Both sides of a triangle count if they reflect or emit; its front always does, so that the light
-    /// on it is known.
+    /// Collects the faces of a scene. Both sides of a triangle count if they reflect or emit, but for the dark insides of [`bodies`]; its
+    /// front always does, so that the light on it is known.
     ///
     /// # Errors
     /// A sentence where there are more triangles than `limit`.
@@ -140,6 +142,7 @@ impl Faces {
         }
         // Sides are decided in parallel; the order is that of the candidates.
         let decided: Vec<Decided> = candidates.par_iter().map(|c| decide(scene, &out, c)).collect();
+        let dark = bodies::dark_insides(scene, &out, &candidates, &decided);
         out.sides = vec![[NONE; 2]; candidates.len()];
         for (i, (decided, c)) in decided.iter().zip(&candidates).enumerate() {
             match decided {
@@ -152,7 +155,7 @@ impl Faces {
                         let object = &g.objects[g.object_of_primitive[c.primitive as usize] as usize];
                         *out.report.not_diffuse.entry(object.name.clone()).or_default() += 1;
                     }
-                    for face in sides.iter().flatten() {
+                    for face in sides.iter().flatten().filter(|face| !(face.is_back && dark[i])) {
                         out.sides[i][usize::from(face.is_back)] = out.faces.len() as u32;
                         out.faces.push(*face);
                     }
@@ -228,11 +231,16 @@ impl Faces {
     }
 }
 
-enum Decided {
+/// Which sides of a triangle count.
+pub(super) enum Decided {
     ZeroArea,
     NotFinite,
     TooFar,
-    Sides { sides: [Option<Face>; 2], inexact: bool },
+    /// Front and back.
+    Sides {
+        sides: [Option<Face>; 2],
+        inexact: bool,
+    },
 }
 
 fn decide(scene: &Scene, faces: &Faces, c: &Candidate) -> Decided {

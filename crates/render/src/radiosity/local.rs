@@ -27,7 +27,7 @@ use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
 /// Rays of all elements together in the last round where the user gives no number for each.
-const ALL_RAYS: usize = 14_000_000;
+const ALL_RAYS: usize = 24_000_000;
 /// Fewest and most rays of an element.
 const RAYS: (u32, u32) = (16, 1024);
 /// What the rays of the last round are divided by in each round before it. The first ones subdivide; those after them only let the light

@@ -8,6 +8,7 @@
 //! When not to use it: mirrors, glass and gloss are taken for diffuse (or, where light passes, for clear), and what is smaller than
 //! the smallest elements is blurred. See `docs/theory/radiosity.md`.
 
+mod bodies;
 pub mod direct;
 pub mod exchange;
 pub mod face;
@@ -130,9 +131,11 @@ impl Default for Settings {
 }
 
 /// Elements that the local pass subdivides to where a solver has fewer.
-pub const LOCAL_ELEMENTS: usize = 60_000;
+pub const LOCAL_ELEMENTS: usize = 100_000;
+/// Elements that it may add at least: a scene of many small triangles has shadows as well.
+pub const ADDED_ELEMENTS: usize = 70_000;
 /// Elements of the local pass for each element that `matrix` and `progressive` may have.
-pub const LOCAL_PARTS: usize = 20;
+pub const LOCAL_PARTS: usize = 32;
 /// Error of links where the user gives none.
 pub const DEFAULT_ERROR: f32 = 2e-3;
 /// Most elements of the hierarchical method.
@@ -314,7 +317,7 @@ pub fn solve(scene: &Scene, settings: &Settings, display: Display, progress: &Pr
     notes.append(&mut solved.notes);
     // The coarse patches of the methods that know all pairs get light more finely than they send it.
     let finer = if settings.method == Method::Hierarchical { 1 } else { LOCAL_PARTS };
-    let elements = (finer * settings.limits.elements).min(LOCAL_ELEMENTS);
+    let elements = (finer * settings.limits.elements).min(LOCAL_ELEMENTS.max(solved.mesh.leaf_count() + ADDED_ELEMENTS));
     let options = local::Options { rays: settings.rays, elements, seed };
     notes.extend(local::refine(scene, &lights, &mut solved, &options, progress));
     notes.extend(report::of_solution(&solved));

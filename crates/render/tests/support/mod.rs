@@ -4,12 +4,15 @@
 
 pub mod baking;
 pub mod naive;
+pub mod radiosity;
 pub mod statistics;
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use etendue_render::film::{Film, FilmMeta, FilmSpec, Filter, Rect};
 use etendue_render::integrator::Integrator;
+use etendue_render::math::fns;
 use etendue_render::sampler::Sampler;
 use etendue_render::scene::{self, Scene};
 use etendue_render::session::job::{self, Plan};
@@ -41,6 +44,29 @@ pub fn look_at(from: Vec3, to: Vec3) -> Mat4 {
 
 fn camera(desc: &mut SceneDesc, world_from_camera: Mat4, projection: ProjectionDesc) {
     add(desc, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium: None });
+}
+
+/// A ball about the origin of so many columns and rows of triangles, with smooth normals.
+pub fn ball(desc: &mut SceneDesc, radius: f32, columns: u32, rows: u32) -> GeometryDesc {
+    let mut mesh = MeshData::default();
+    for y in 0..=rows {
+        for x in 0..columns {
+            let (phi, theta) = (x as f32 / columns as f32 * std::f32::consts::TAU, y as f32 / rows as f32 * std::f32::consts::PI);
+            let ((st, ct), (sp, cp)) = (fns::sin_cos(theta), fns::sin_cos(phi));
+            let n = Vec3::new(st * cp, st * sp, ct);
+            mesh.positions.push(n * radius);
+            mesh.normals.push(n);
+        }
+    }
+    for y in 0..rows {
+        for x in 0..columns {
+            let at = |x: u32, y: u32| y * columns + x % columns;
+            mesh.triangles.push([at(x, y), at(x, y + 1), at(x + 1, y + 1)]);
+            mesh.triangles.push([at(x, y), at(x + 1, y + 1), at(x + 1, y)]);
+        }
+    }
+    let mesh = add(desc, MeshDesc { file: None, flip_v: false, data: Some(mesh) });
+    GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }
 }
 
 /// A pinhole camera.
@@ -200,4 +226,35 @@ pub fn finish(mut session: Session, settings: &RenderSettings) -> Film {
 /// Renders a scene.
 pub fn render(desc: &SceneDesc, settings: &RenderSettings) -> Film {
     finish(session(desc, settings), settings)
+}
+
+/// Renders a scene once with each seed.
+pub fn render_seeds(desc: &SceneDesc, settings: &RenderSettings, seeds: Range<u64>) -> Vec<Film> {
+    seeds.map(|seed| render(desc, &RenderSettings { seed, ..settings.clone() })).collect()
+}
+
+/// All that a film holds but the time that it took.
+pub fn bytes(film: &Film) -> Vec<u8> {
+    let mut film = film.clone();
+    film.meta.render_ms = 0;
+    let mut out = Vec::new();
+    film.write_to(&mut out).unwrap();
+    out
+}
+
+/// Panics unless five passes at once and the same passes in two parts, by other numbers of threads, give the same film, bit for bit.
+pub fn assert_passes_merge(desc: &SceneDesc, settings: &RenderSettings) {
+    let part = |first: u32, spp: u32, threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let mut session = session(desc, &RenderSettings { spp: Some(spp), ..settings.clone() });
+            session.set_first_sample(first);
+            session.render(&Stop { spp: Some(spp), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
+            session.into_film()
+        })
+    };
+    let whole = part(0, 5, 2);
+    let mut merged = part(3, 2, 1);
+    merged.merge(&part(0, 3, 3)).unwrap();
+    assert!(bytes(&whole) == bytes(&merged), "the film of merged passes differs");
 }

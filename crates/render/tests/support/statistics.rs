@@ -6,6 +6,9 @@ use std::path::Path;
 use etendue_render::film::{DevelopOptions, Film};
 use etendue_render::image::{Image, WriteOptions};
 use etendue_render::testing::chi2::sidak;
+use etendue_scene::{RenderSettings, SceneDesc};
+
+use super::render_seeds;
 
 /// With how high a probability a test function rejects a right picture.
 const LEVEL: f64 = 1e-3;
@@ -42,6 +45,25 @@ impl Blocks {
             }
         }
         blocks
+    }
+
+    /// Of a scene rendered with seeds 0 to 9; the variance is that between seeds, raised by so much that its own uncertainty (of nine
+    /// degrees of freedom) does not make false alarms. For methods whose pixels are not independent, as those that splat or share
+    /// photons, and for those whose few rare samples make most of the noise.
+    pub fn of_seeds(desc: &SceneDesc, settings: &RenderSettings, edge: usize) -> Self {
+        let films = render_seeds(desc, settings, 0..10);
+        let parts: Vec<Self> = films.iter().map(|film| Self::new(std::slice::from_ref(film), edge)).collect();
+        let n = parts.len() as f64;
+        let mut all = parts[0].clone();
+        for i in 0..all.mean.len() {
+            for c in 0..3 {
+                let values = || parts.iter().map(|p| p.mean[i][c]);
+                let mean = values().sum::<f64>() / n;
+                all.mean[i][c] = mean;
+                all.variance[i][c] = 3.0 * values().map(|v| (v - mean) * (v - mean)).sum::<f64>() / (n * (n - 1.0));
+            }
+        }
+        all
     }
 
     /// A picture that is known exactly.
