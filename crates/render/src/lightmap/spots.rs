@@ -15,6 +15,8 @@ use crate::scene::{Scene, Surface};
 
 /// Rays start this share of a texel above the surface.
 const LIFT: f32 = 0.01;
+/// So many texels to each side are looked at for the nearest one: for the rest of a huge surface, one that is near will do.
+const MOST_LOOKS: usize = 1 << 15;
 /// Half of a texel's diagonal with some room.
 const REACH: f32 = 0.75;
 
@@ -117,8 +119,8 @@ impl Lenders {
             best.is_some_and(|b| along > b.0)
         };
         // Both ways, until nothing nearer can come.
-        let _ = self.sorted[middle..].iter().any(&mut look);
-        let _ = self.sorted[..middle].iter().rev().any(&mut look);
+        let _ = self.sorted[middle..].iter().take(MOST_LOOKS).any(&mut look);
+        let _ = self.sorted[..middle].iter().rev().take(MOST_LOOKS).any(&mut look);
         best.map(|b| b.1)
     }
 }

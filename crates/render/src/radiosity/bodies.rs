@@ -6,6 +6,8 @@
 //! is passed as often in the one direction as in the other: then the number of times that a line leaves it after a point, over the times
 //! that it enters, tells whether the point is inside.
 
+use std::collections::BTreeMap;
+
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -13,7 +15,7 @@ use super::face::{Candidate, Decided, Face, Faces};
 use super::form_factor::area_of;
 use super::material::may_pass;
 use crate::light::Light;
-use crate::math::{Frame, Vec2};
+use crate::math::{Aabb, Frame, Vec2};
 use crate::scene::Scene;
 use crate::scene::geometry::NONE;
 use crate::scene::surface::offset;
@@ -24,6 +26,9 @@ const PLACES: [[f32; 3]; 4] = [[0.34, 0.33, 0.33], [0.7, 0.18, 0.12], [0.12, 0.7
 /// A body is lit from inside by what lies in it with more than this share of its area. What touches it or is let into it a little, as
 /// a lamp into a ceiling, does not count.
 const INSIDE: f64 = 0.5;
+
+/// Corners in the same one of so many cells of an object's extent are one.
+const CELLS: f32 = 1e6;
 
 /// For each candidate, whether its back bounds the dark inside of a body.
 pub(super) fn dark_insides(scene: &Scene, faces: &Faces, candidates: &[Candidate], decided: &[Decided]) -> Vec<bool> {
@@ -38,7 +43,7 @@ pub(super) fn dark_insides(scene: &Scene, faces: &Faces, candidates: &[Candidate
     parts.extend(connected(candidates, decided, &all, key));
     let open: Vec<usize> =
         parts.iter().filter(|p| !p.is_closed).flat_map(|p| &p.members).copied().filter(|i| candidates[*i].shape == NONE).collect();
-    let joined = connected(candidates, decided, &open, |_| 0);
+    let joined = connected(candidates, decided, &open, |c| u64::from(c.instance));
     let is_dark = |p: &&Part| p.is_closed && p.members.iter().all(|&i| is_dark_behind(scene, faces, &candidates[i], &decided[i]));
     let bodies: Vec<&Part> = parts.iter().chain(&joined).filter(is_dark).collect();
     let shadow = Shadow::new(candidates, &bodies);
@@ -101,13 +106,23 @@ fn shapes(scene: &Scene, candidates: &[Candidate], decided: &[Decided]) -> Vec<P
     parts
 }
 
-/// The parts that some triangles form; corners are one where both their place and the triangles' keys are the same.
+/// The parts that some triangles form; corners are one where both their place, but for rounding, and the triangles' keys are the same.
 fn connected(candidates: &[Candidate], decided: &[Decided], some: &[usize], key: impl Fn(&Candidate) -> u64 + Sync) -> Vec<Part> {
     // Triangles without area join their neighbors.
     let is_there = |i: &usize| !matches!(decided[*i], Decided::NotFinite | Decided::TooFar);
     let some: Vec<usize> = some.iter().copied().filter(is_there).collect();
-    // Adding zero makes -0 and 0 the same.
-    let corner = |i: usize, p: Vec3| (key(&candidates[i]), p.to_array().map(|v| (v + 0.0).to_bits()));
+    // The corners of a closed surface are not always the same to the last bit, as at the poles of a sphere.
+    let mut boxes: BTreeMap<u64, Aabb> = BTreeMap::new();
+    for &i in &some {
+        let bounds = boxes.entry(key(&candidates[i])).or_insert(Aabb::EMPTY);
+        *bounds = candidates[i].corners.iter().fold(*bounds, |b, p| b.grow(*p));
+    }
+    let corner = |i: usize, p: Vec3| {
+        let key = key(&candidates[i]);
+        let bounds = boxes.get(&key).copied().unwrap_or(Aabb::EMPTY);
+        let cells = CELLS / bounds.extent().max_element().max(f32::MIN_POSITIVE);
+        (key, ((p - bounds.min) * cells).round().to_array().map(|v| v as u32))
+    };
     let mut corners: Vec<_> = some.iter().flat_map(|&i| candidates[i].corners.map(|p| corner(i, p))).collect();
     corners.par_sort_unstable();
     corners.dedup();
@@ -123,9 +138,12 @@ fn connected(candidates: &[Candidate], decided: &[Decided], some: &[usize], key:
         .map(|(a, b)| (a.min(b), a.max(b), if a < b { 1 } else { -1 }))
         .collect();
     edges.par_sort_unstable();
-    let mut has_rim = vec![false; corners.len()];
+    // What is smaller than a cell has no edges, and is not judged.
+    let (mut has_edges, mut has_rim) = (vec![false; corners.len()], vec![false; corners.len()]);
     for edge in edges.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-        has_rim[joined.root(edge[0].0) as usize] |= edge.iter().map(|e| e.2).sum::<i32>() != 0;
+        let root = joined.root(edge[0].0) as usize;
+        has_edges[root] = true;
+        has_rim[root] |= edge.iter().map(|e| e.2).sum::<i32>() != 0;
     }
     let mut part_of = vec![NONE; corners.len()];
     let mut members: Vec<(usize, Vec<usize>)> = Vec::new();
@@ -137,7 +155,8 @@ fn connected(candidates: &[Candidate], decided: &[Decided], some: &[usize], key:
         }
         members[part_of[root] as usize].1.push(i);
     }
-    let part = |(root, members): (usize, Vec<usize>)| Part { is_closed: !has_rim[root] && has_fronts_outside(decided, &members), members };
+    let is_closed = |root: usize, members: &[usize]| has_edges[root] && !has_rim[root] && has_fronts_outside(decided, members);
+    let part = |(root, members): (usize, Vec<usize>)| Part { is_closed: is_closed(root, &members), members };
     members.into_iter().map(part).collect()
 }
 
