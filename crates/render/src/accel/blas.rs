@@ -27,18 +27,18 @@ pub struct BlasInput<'a> {
 
 /// A hierarchy over triangles and shapes in one space.
 pub struct Blas {
-    arena: Arena,
-    root: ChildRef,
+    pub(super) arena: Arena,
+    pub(super) root: ChildRef,
     bounds: Aabb,
-    shapes: Shapes,
+    pub(super) shapes: Shapes,
     /// Shapes without bounds, as indices of `shapes`.
-    unbounded: Vec<u32>,
+    pub(super) unbounded: Vec<u32>,
     triangles: u32,
     skipped: usize,
 }
 
 /// The shapes with the boxes that hits on them are held against.
-struct Shapes {
+pub(super) struct Shapes {
     shapes: Vec<(Shape, Aabb)>,
     /// Primitive id of the first.
     first: u32,
@@ -130,14 +130,27 @@ impl Blas {
         self.arena.units().iter().flat_map(|u| u.0).collect()
     }
 
-    /// Offers all hits of a ray in this space to `best`.
+    /// Offers the hits on shapes without bounds to `best`.
     #[inline]
-    pub(super) fn closest(&self, isa: IsaKind, ray: &Ray, best: &mut Best) {
+    pub(super) fn closest_unbounded(&self, ray: &Ray, best: &mut Best) {
         for &i in &self.unbounded {
             if let Some(h) = self.shapes.shapes[i as usize].0.intersect(ray) {
                 best.offer(h.t, h.u, h.v, self.shapes.first + i);
             }
         }
+    }
+
+    /// Whether a shape without bounds is hit at `t_last` or before.
+    #[inline]
+    pub(super) fn any_unbounded(&self, ray: &Ray, t_last: f32) -> bool {
+        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(ray).is_some_and(|h| h.t <= t_last);
+        self.unbounded.iter().any(hit)
+    }
+
+    /// Offers all hits of a ray in this space to `best`.
+    #[inline]
+    pub(super) fn closest(&self, isa: IsaKind, ray: &Ray, best: &mut Best) {
+        self.closest_unbounded(ray, best);
         #[cfg(target_arch = "x86_64")]
         let Ray { o, d, .. } = *ray;
         // SAFETY: `isa` comes from detection, and the root and arena from one build.
@@ -155,8 +168,7 @@ impl Blas {
     /// Whether a ray in this space hits anything at `t_last` or before.
     #[inline]
     pub(super) fn any(&self, isa: IsaKind, ray: &Ray, t_last: f32) -> bool {
-        let hit = |i: &u32| self.shapes.shapes[*i as usize].0.intersect(ray).is_some_and(|h| h.t <= t_last);
-        if self.unbounded.iter().any(hit) {
+        if self.any_unbounded(ray, t_last) {
             return true;
         }
         #[cfg(target_arch = "x86_64")]

@@ -8,10 +8,12 @@ mod bins;
 mod blas;
 mod build;
 mod emit;
+mod floats;
 mod layout;
 mod ray;
 mod simd;
 mod spatial;
+mod stream;
 mod tlas;
 mod traverse;
 
@@ -20,6 +22,7 @@ mod tests;
 
 pub use blas::{Blas, BlasInput};
 pub use simd::IsaKind;
+pub use stream::StreamMemory;
 pub use tlas::{Accel, Instance};
 
 use glam::Vec3;

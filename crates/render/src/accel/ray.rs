@@ -2,7 +2,8 @@
 #![allow(unsafe_code)]
 
 use super::Ray;
-use super::simd::{Isa, LANES, WIDTH};
+use super::floats::Floats;
+use super::simd::{Isa, LANES, Portable, WIDTH};
 use crate::math::{Aabb, Vec3};
 
 /// Half a unit in the last place of 1: the relative error of one operation.
@@ -16,16 +17,17 @@ pub(super) const LIMIT: f32 = 1e18;
 /// 4U |o/d| + 3U |t|; triangle tests err by a few U |t| more. Boxes of primitives are widened by a little more than
 /// that, boxes of nodes by more again, so that whatever rounding the machine uses, a ray that enters a primitive's box
 /// (as [`Prepared::enters`] defines it) enters all boxes around it, and not later.
+#[repr(C, align(64))]
 pub(super) struct Prepared {
-    /// Ends of the interval; the lower one is not negative.
-    pub t_min: f32,
-    pub t_max: f32,
     /// 1/d for entering planes, and (1 + 32U)/d for leaving ones.
     pub inv_near: Lanes4,
     pub inv_far: Lanes4,
     /// -o/d lowered for entering planes, raised and scaled for leaving ones.
     pub off_near: Lanes4,
     pub off_far: Lanes4,
+    /// Ends of the interval; the lower one is not negative.
+    pub t_min: f32,
+    pub t_max: f32,
     /// Byte offsets of entering planes in a node; the leaving ones are at the offset with the bit [`OPPOSITE`] flipped.
     pub near_at: [usize; 3],
     /// Axes permuted so that |d| is largest along the last, as offsets in a block's vertex in floats.
@@ -36,9 +38,9 @@ pub(super) struct Prepared {
     /// Origin by permuted axes, and the shear that turns the ray to the unit vector along the last (Woop et al. 2013).
     pub origin: [f32; 3],
     pub shear: [f32; 3],
-    /// -o/d, and how much later or earlier axis-parallel rays may enter and leave.
-    off: Lanes4,
-    extra: Lanes4,
+    /// -o/d lowered and raised for the boxes of primitives.
+    off_low: Lanes4,
+    off_high: Lanes4,
 }
 
 /// Numbers for x, y and z, with a fourth lane that means nothing. Written and read whole or by lane: reading a pair of
@@ -86,17 +88,19 @@ impl Prepared {
         unsafe {
             let store = |x: I::B| {
                 let mut a = Lanes4([0.0; 4]);
-                I::b_store(a.0.as_mut_ptr(), x);
+                I::B::store(a.0.as_mut_ptr(), x);
                 a
             };
-            let (o4, d4) = (I::b_set(o.x, o.y, o.z, 0.0), I::b_set(d.x, d.y, d.z, 1.0));
-            let clamped = I::b_set(clamp(d.x, abs[0]), clamp(d.y, abs[1]), clamp(d.z, abs[2]), 1.0);
-            let extra = I::b_set(allow(abs[0]), allow(abs[1]), allow(abs[2]), 0.0);
-            let inv = I::b_div(I::b_splat(1.0), clamped);
-            let minus = I::b_mul(o4, inv);
-            let off = I::b_sub(I::b_splat(0.0), minus);
-            let slack = I::b_add(I::b_mul(I::b_max(minus, off), I::b_splat(16.0 * U)), I::b_add(extra, extra));
-            let scale = I::b_splat(FAR_SCALE);
+            let (o4, d4) = (I::row(o.x, o.y, o.z, 0.0), I::row(d.x, d.y, d.z, 1.0));
+            let clamped = I::row(clamp(d.x, abs[0]), clamp(d.y, abs[1]), clamp(d.z, abs[2]), 1.0);
+            let extra = I::row(allow(abs[0]), allow(abs[1]), allow(abs[2]), 0.0);
+            let inv = I::B::div(I::B::splat(1.0), clamped);
+            let minus = I::B::mul(o4, inv);
+            let off = I::B::sub(I::B::splat(0.0), minus);
+            let size = I::B::max(minus, off);
+            let own = I::B::add(I::B::mul(size, I::B::splat(6.0 * U)), extra);
+            let slack = I::B::add(I::B::mul(size, I::B::splat(16.0 * U)), I::B::add(extra, extra));
+            let scale = I::B::splat(FAR_SCALE);
             let (o, d) = (store(o4).0, store(d4).0);
             let inv_z = 1.0 / d[kz];
             let upper = |d: f32| ((d.to_bits() >> 31) as usize) * OPPOSITE;
@@ -104,19 +108,26 @@ impl Prepared {
                 t_min: ray.t_min.max(0.0) + 0.0,
                 t_max: ray.t_max,
                 inv_near: store(inv),
-                inv_far: store(I::b_mul(inv, scale)),
-                off_near: store(I::b_sub(off, slack)),
-                off_far: store(I::b_mul(I::b_add(off, slack), scale)),
+                inv_far: store(I::B::mul(inv, scale)),
+                off_near: store(I::B::sub(off, slack)),
+                off_far: store(I::B::mul(I::B::add(off, slack), scale)),
                 near_at: [upper(ray.d.x), upper(ray.d.y) + 2 * OPPOSITE, upper(ray.d.z) + 4 * OPPOSITE],
                 axes: [kx * LANES, ky * LANES, kz * LANES],
                 o,
                 d,
                 origin: [o[kx], o[ky], o[kz]],
                 shear: [d[kx] / d[kz], d[ky] / d[kz], inv_z],
-                off: store(off),
-                extra: store(extra),
+                off_low: store(I::B::sub(off, own)),
+                off_high: store(I::B::add(off, own)),
             })
         }
+    }
+
+    /// A number below 32 for the signs of the direction (the upper three bits) and its longest axis.
+    #[inline(always)]
+    pub(super) fn key(&self) -> u8 {
+        let sign = |k: usize| u8::from(self.d[k].to_bits() >> 31 == 1) << (2 + k);
+        (self.axes[2] / LANES) as u8 | sign(0) | sign(1) | sign(2)
     }
 
     /// The ray again.
@@ -128,21 +139,31 @@ impl Prepared {
     /// Where the ray enters a primitive's own box, if it does. All instruction sets compute this with the same bits, and
     /// a hit counts only if the ray enters the primitive's box, and not before it does: so which hit is the nearest is a
     /// property of the ray and the primitives alone, whatever the hierarchy is and in whatever order it is searched.
-    #[inline(always)]
     pub(super) fn enters(&self, b: &Aabb) -> Option<f32> {
-        let (lo, hi) = (b.min.to_array(), b.max.to_array());
-        let mut near = self.t_min;
-        let mut far = f32::INFINITY;
-        for k in 0..3 {
-            let (inv, off) = (self.inv_near.0[k], self.off.0[k]);
-            let slack = off.abs() * (6.0 * U) + self.extra.0[k];
-            let (a, b) = (lo[k] * inv, hi[k] * inv);
-            let t0 = (if a < b { a } else { b }) + (off - slack);
-            let t1 = (if a > b { a } else { b }) + (off + slack);
-            near = if t0 > near { t0 } else { near };
-            far = if t1 < far { t1 } else { far };
+        // SAFETY: every machine has these vectors.
+        unsafe { self.enters_between::<Portable>([b.min.x, b.min.y, b.min.z, 0.0], [b.max.x, b.max.y, b.max.z, 0.0]) }
+    }
+
+    /// [`Prepared::enters`] for the box from `lo` to `hi`.
+    ///
+    /// # Safety
+    /// The machine has the instruction set.
+    #[inline(always)]
+    pub(super) unsafe fn enters_between<I: Isa>(&self, lo: I::B, hi: I::B) -> Option<f32> {
+        // SAFETY: as above, and the arrays are aligned.
+        unsafe {
+            let inv = I::B::load_row(self.inv_near.0.as_ptr());
+            let (a, b) = (I::B::mul(lo, inv), I::B::mul(hi, inv));
+            let (mut t0, mut t1) = (Lanes4([0.0; 4]), Lanes4([0.0; 4]));
+            I::B::store(t0.0.as_mut_ptr(), I::B::add(I::B::min(a, b), I::B::load_row(self.off_low.0.as_ptr())));
+            I::B::store(t1.0.as_mut_ptr(), I::B::add(I::B::max(a, b), I::B::load_row(self.off_high.0.as_ptr())));
+            let later = |a: f32, b: f32| if a > b { a } else { b };
+            let earlier = |a: f32, b: f32| if a < b { a } else { b };
+            let ([x0, y0, z0, _], [x1, y1, z1, _]) = (t0.0, t1.0);
+            let near = later(z0, later(y0, later(x0, self.t_min)));
+            let far = earlier(z1, earlier(y1, x1));
+            (near <= far * (1.0 + 16.0 * U)).then_some(near)
         }
-        (near <= far * (1.0 + 16.0 * U)).then_some(near)
     }
 }
 

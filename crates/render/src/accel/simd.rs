@@ -3,8 +3,10 @@
 //! [`Isa`] is a closed list of operations; `traverse` is generic over it and is compiled once for each instruction set
 //! behind a `#[target_feature]` function, into which everything here is inlined. Box tests may differ in their last bit
 //! between instruction sets ([`Isa::mul_add`] is fused where the machine can do it), because they are only ever
-//! conservative. Block operations never fuse: they give the same bits everywhere.
+//! conservative. Operations of triangle tests ([`Floats`]) never fuse: they give the same bits everywhere.
 #![allow(unsafe_code)]
+
+use super::floats::Floats;
 
 /// Triangles in a leaf block.
 pub(super) const LANES: usize = 4;
@@ -58,8 +60,10 @@ impl IsaKind {
 pub(super) trait Isa: Copy {
     /// Eight numbers: one for each child of a node.
     type F: Copy;
-    /// [`LANES`] numbers: one for each triangle of a block.
-    type B: Copy;
+    /// One number for each triangle of a block.
+    type B: Floats;
+    /// Several such rows, for as many rays.
+    type W: Floats;
 
     unsafe fn splat(x: f32) -> Self::F;
     unsafe fn load(p: *const f32) -> Self::F;
@@ -79,24 +83,18 @@ pub(super) trait Isa: Copy {
     /// Writes the children in `mask` to `children`, for which eight lanes must be writable.
     unsafe fn push(mask: u32, refs: *const u32, children: *mut u32);
 
+    /// As [`Isa::le`]; where it holds, `least` becomes the smaller of itself and a, which is not negative.
+    unsafe fn le_min(a: Self::F, b: Self::F, least: &mut Self::F) -> u32;
+    /// Writes those of `ids` whose byte in `masks` has the bit `lane`, in their order, and returns how many they are.
+    /// Up to sixteen words beyond `ids` and the result and bytes beyond `masks` must be valid, the bytes zero.
+    unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize;
+
     /// Asks for the cache line at an address, which need not be valid.
     #[inline(always)]
     unsafe fn prefetch(_p: *const u8) {}
 
-    unsafe fn b_splat(x: f32) -> Self::B;
-    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B;
-    unsafe fn b_load(p: *const f32) -> Self::B;
-    unsafe fn b_store(p: *mut f32, x: Self::B);
-    unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_sub(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_mul(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_div(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_min(a: Self::B, b: Self::B) -> Self::B;
-    unsafe fn b_max(a: Self::B, b: Self::B) -> Self::B;
-    /// A bit for each lane where a ≤ b.
-    unsafe fn b_le(a: Self::B, b: Self::B) -> u32;
-    /// A bit for each lane where a < b.
-    unsafe fn b_lt(a: Self::B, b: Self::B) -> u32;
+    /// A row of four numbers.
+    unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> Self::B;
 }
 
 /// Plain Rust, in loops that the compiler can turn into vectors.
@@ -117,6 +115,7 @@ fn mask2<const N: usize>(a: [f32; N], b: [f32; N], f: impl Fn(f32, f32) -> bool)
 impl Isa for Portable {
     type F = [f32; WIDTH];
     type B = [f32; LANES];
+    type W = [f32; LANES];
 
     #[inline(always)]
     unsafe fn splat(x: f32) -> Self::F {
@@ -177,54 +176,26 @@ impl Isa for Portable {
             i += 1;
         }
     }
-
     #[inline(always)]
-    unsafe fn b_splat(x: f32) -> Self::B {
-        [x; LANES]
-    }
-    #[inline(always)]
-    unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> Self::B {
-        [a, b, c, d]
-    }
-    #[inline(always)]
-    unsafe fn b_load(p: *const f32) -> Self::B {
-        unsafe { p.cast::<Self::B>().read() }
-    }
-    #[inline(always)]
-    unsafe fn b_store(p: *mut f32, x: Self::B) {
-        unsafe { p.cast::<Self::B>().write(x) }
-    }
-    #[inline(always)]
-    unsafe fn b_add(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    unsafe fn b_sub(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    unsafe fn b_mul(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    unsafe fn b_div(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
-    unsafe fn b_min(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn b_max(a: Self::B, b: Self::B) -> Self::B {
-        map2(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    unsafe fn b_le(a: Self::B, b: Self::B) -> u32 {
+    unsafe fn le_min(a: Self::F, b: Self::F, least: &mut Self::F) -> u32 {
+        *least = std::array::from_fn(|i| if a[i] <= b[i] && a[i] < least[i] { a[i] } else { least[i] });
         mask2(a, b, |a, b| a <= b)
     }
     #[inline(always)]
-    unsafe fn b_lt(a: Self::B, b: Self::B) -> u32 {
-        mask2(a, b, |a, b| a < b)
+    unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+        let mut n = 0;
+        for i in 0..count {
+            unsafe {
+                *out.add(n) = *ids.add(i);
+                n += usize::from(*masks.add(i) >> lane & 1);
+            }
+        }
+        n
+    }
+
+    #[inline(always)]
+    unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> Self::B {
+        [a, b, c, d]
     }
 }
 
@@ -328,50 +299,15 @@ mod x86 {
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(p.cast()) }
             }
             #[inline(always)]
-            unsafe fn b_splat(x: f32) -> __m128 {
-                unsafe { _mm_set1_ps(x) }
-            }
-            #[inline(always)]
-            unsafe fn b_set(a: f32, b: f32, c: f32, d: f32) -> __m128 {
+            unsafe fn row(a: f32, b: f32, c: f32, d: f32) -> __m128 {
                 unsafe { _mm_setr_ps(a, b, c, d) }
-            }
-            #[inline(always)]
-            unsafe fn b_load(p: *const f32) -> __m128 {
-                unsafe { _mm_load_ps(p) }
-            }
-            #[inline(always)]
-            unsafe fn b_store(p: *mut f32, x: __m128) {
-                unsafe { _mm_storeu_ps(p, x) }
-            }
-            #[inline(always)]
-            unsafe fn b_add(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_add_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_sub(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_sub_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_mul(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_mul_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_div(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_div_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_min(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_min_ps(a, b) }
-            }
-            #[inline(always)]
-            unsafe fn b_max(a: __m128, b: __m128) -> __m128 {
-                unsafe { _mm_max_ps(a, b) }
             }
         };
     }
 
     // SAFETY of both implementations: callers vouch for the instruction set and for the pointers.
     impl Isa for Avx2 {
+        type W = __m256;
         common!();
 
         #[inline(always)]
@@ -406,16 +342,33 @@ mod x86 {
             }
         }
         #[inline(always)]
-        unsafe fn b_le(a: __m128, b: __m128) -> u32 {
-            unsafe { _mm_movemask_ps(_mm_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32 }
+        unsafe fn le_min(a: __m256, b: __m256, least: &mut __m256) -> u32 {
+            unsafe {
+                let gt = _mm256_castsi256_ps(_mm256_cmpgt_epi32(_mm256_castps_si256(a), _mm256_castps_si256(b)));
+                *least = Self::min(*least, _mm256_blendv_ps(a, *least, gt));
+                !(_mm256_movemask_ps(gt) as u32) & 0xff
+            }
         }
         #[inline(always)]
-        unsafe fn b_lt(a: __m128, b: __m128) -> u32 {
-            unsafe { _mm_movemask_ps(_mm_cmp_ps::<_CMP_LT_OQ>(a, b)) as u32 }
+        unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+            let mut n = 0;
+            for i in (0..count).step_by(8) {
+                unsafe {
+                    let m =
+                        _mm_cmpeq_epi8(_mm_and_si128(_mm_loadl_epi64(masks.add(i).cast()), _mm_set1_epi8(1 << lane)), _mm_setzero_si128());
+                    let k = !_mm_movemask_epi8(m) as usize & 0xff;
+                    let order = _mm256_cvtepu8_epi32(_mm_cvtsi64_si128(LANES_OF_MASK[k] as i64));
+                    let packed = _mm256_permutevar8x32_epi32(_mm256_loadu_si256(ids.add(i).cast()), order);
+                    _mm256_storeu_si256(out.add(n).cast(), packed);
+                    n += k.count_ones() as usize;
+                }
+            }
+            n
         }
     }
 
     impl Isa for Avx512 {
+        type W = __m512;
         common!();
 
         #[inline(always)]
@@ -445,12 +398,27 @@ mod x86 {
             }
         }
         #[inline(always)]
-        unsafe fn b_le(a: __m128, b: __m128) -> u32 {
-            unsafe { u32::from(_mm_cmp_ps_mask::<_CMP_LE_OQ>(a, b)) }
+        unsafe fn le_min(a: __m256, b: __m256, least: &mut __m256) -> u32 {
+            unsafe {
+                let mask = _mm256_cmple_epi32_mask(_mm256_castps_si256(a), _mm256_castps_si256(b));
+                let l = _mm256_castps_si256(*least);
+                *least = _mm256_castsi256_ps(_mm256_mask_min_epi32(l, mask, l, _mm256_castps_si256(a)));
+                u32::from(mask)
+            }
         }
         #[inline(always)]
-        unsafe fn b_lt(a: __m128, b: __m128) -> u32 {
-            unsafe { u32::from(_mm_cmp_ps_mask::<_CMP_LT_OQ>(a, b)) }
+        unsafe fn pack(masks: *const u8, ids: *const u32, count: usize, lane: u32, out: *mut u32) -> usize {
+            let mut n = 0;
+            for i in (0..count).step_by(16) {
+                unsafe {
+                    let m = _mm512_cvtepu8_epi32(_mm_loadu_si128(masks.add(i).cast()));
+                    let k = _mm512_test_epi32_mask(m, _mm512_set1_epi32(1 << lane));
+                    let packed = _mm512_maskz_compress_epi32(k, _mm512_loadu_si512(ids.add(i).cast()));
+                    _mm512_storeu_si512(out.add(n).cast(), packed);
+                    n += k.count_ones() as usize;
+                }
+            }
+            n
         }
     }
 }

@@ -5,27 +5,27 @@ use crate::math::{Aabb, Mat4};
 use crate::shape::{Shape, Sphere};
 
 /// A small generator, so that the tests depend on nothing else (Marsaglia 2003, "Xorshift RNGs").
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    fn bits(&mut self) -> u32 {
+    pub(super) fn bits(&mut self) -> u32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 32) as u32
     }
-    fn unit(&mut self) -> f32 {
+    pub(super) fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / (1 << 24) as f32
     }
-    fn point(&mut self, size: f32) -> Vec3 {
+    pub(super) fn point(&mut self, size: f32) -> Vec3 {
         Vec3::new(self.unit() - 0.5, self.unit() - 0.5, self.unit() - 0.5) * 2.0 * size
     }
 }
 
-type Mesh = (Vec<Vec3>, Vec<[u32; 3]>);
+pub(super) type Mesh = (Vec<Vec3>, Vec<[u32; 3]>);
 
 /// Triangles of all sorts: usual, tiny, huge, axis-aligned, degenerate, doubled and broken ones.
-fn soup(count: usize, seed: u64) -> Mesh {
+pub(super) fn soup(count: usize, seed: u64) -> Mesh {
     let mut r = Random(seed);
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for i in 0..count {
@@ -55,7 +55,7 @@ fn soup(count: usize, seed: u64) -> Mesh {
 }
 
 /// Rays of all sorts: usual ones, axis-parallel ones, ones from grid points, along planes of the grid, short ones.
-fn rays(count: usize, seed: u64) -> Vec<Ray> {
+pub(super) fn rays(count: usize, seed: u64) -> Vec<Ray> {
     let mut r = Random(seed);
     let mut out = Vec::new();
     for _ in 0..count {
@@ -85,13 +85,13 @@ fn single(blas: Blas) -> Accel {
     Accel::build(vec![blas], vec![Instance { world_from_object: Mat4::IDENTITY, blas: 0 }])
 }
 
-fn mesh_accel(mesh: &Mesh, shapes: &[Shape]) -> Accel {
+pub(super) fn mesh_accel(mesh: &Mesh, shapes: &[Shape]) -> Accel {
     single(Blas::build(BlasInput { positions: &mesh.0, triangles: &mesh.1, shapes }))
 }
 
-type Bits = Option<(u32, u32, u32, u32, u32)>;
+pub(super) type Bits = Option<(u32, u32, u32, u32, u32)>;
 
-fn bits(h: Option<Hit>) -> Bits {
+pub(super) fn bits(h: Option<Hit>) -> Bits {
     h.map(|h| (h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.prim, h.instance))
 }
 

@@ -114,6 +114,21 @@ impl Accel {
         &self.blases
     }
 
+    /// The hierarchy of the only instance, where it stands still.
+    pub(super) fn single(&self) -> Option<&Blas> {
+        self.single.map(|b| &self.blases[b as usize])
+    }
+
+    /// The instances without bounds.
+    pub(super) fn unbounded(&self) -> &[u32] {
+        &self.unbounded
+    }
+
+    /// The upper level's arena and root.
+    pub(super) fn tree(&self) -> (&Arena, ChildRef) {
+        (&self.arena, self.root)
+    }
+
     /// The nearest hit; among equally near ones that of the lowest (instance, primitive).
     #[inline]
     pub fn intersect(&self, ray: &Ray) -> Option<Hit> {
@@ -219,13 +234,13 @@ impl Accel {
 }
 
 /// The instances of an upper level as items of its leaves.
-struct Instances<'a> {
-    accel: &'a Accel,
+pub(super) struct Instances<'a> {
+    pub accel: &'a Accel,
 }
 
 impl Instances<'_> {
     /// The hierarchy of an instance, and the ray in its space. The direction is not normalized, so t means the same.
-    fn enter(&self, item: u32, ray: &Ray) -> (&Blas, Ray) {
+    pub(super) fn enter(&self, item: u32, ray: &Ray) -> (&Blas, Ray) {
         let placed = &self.accel.placed[item as usize];
         let blas = &self.accel.blases[placed.blas as usize];
         let m = &placed.object_from_world;
@@ -233,13 +248,15 @@ impl Instances<'_> {
         (blas, if placed.identity { *ray } else { inner() })
     }
 
-    fn trace(&self, item: u32, ray: &Ray, best: &mut Best) {
+    /// Offers the hits of a ray of the world on an instance to `best`.
+    pub(super) fn trace(&self, item: u32, ray: &Ray, best: &mut Best) {
         let (blas, ray) = self.enter(item, ray);
         best.current = item;
         blas.closest(self.accel.isa, &ray, best);
     }
 
-    fn occluded(&self, item: u32, ray: &Ray, t_last: f32) -> bool {
+    /// Whether a ray of the world hits an instance at `t_last` or before.
+    pub(super) fn occluded(&self, item: u32, ray: &Ray, t_last: f32) -> bool {
         let (blas, ray) = self.enter(item, ray);
         blas.any(self.accel.isa, &ray, t_last)
     }

@@ -1,6 +1,7 @@
 //! Traversal: the nearest hit and any hit of a ray, generic over the instruction set.
 #![allow(unsafe_code)]
 
+use super::floats::{Floats, RECORD};
 use super::layout::{Arena, BLOCK_UNITS, Block, CHILDREN_AT, MAX_BLOCKS, TAG_ITEMS, TAG_NODE, UNIT, Unit};
 use super::ray::{FAR_SCALE, Lanes4, OPPOSITE, Prepared};
 use super::simd::{Isa, LANES};
@@ -9,10 +10,10 @@ use std::mem::MaybeUninit;
 
 /// Most entries of the stack: the build keeps trees less than [`super::build::MAX_DEPTH`] deep, a node leaves seven
 /// behind, and vector stores write up to seven beyond.
-const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
+pub(super) const STACK: usize = super::build::MAX_DEPTH * 7 + 8;
 
 /// Bytes of a hierarchy from which memory is asked for ahead: smaller ones stay in caches.
-const PREFETCH_ABOVE: usize = 16 << 20;
+pub(super) const PREFETCH_ABOVE: usize = 16 << 20;
 
 /// The nearest hit so far.
 #[derive(Clone, Copy)]
@@ -50,69 +51,117 @@ pub(super) trait Items {
     fn any(&self, item: u32, ray: &Prepared, t_last: f32) -> bool;
 }
 
-/// The triangle of a block's lane.
-#[inline(always)]
+/// The box of a block's triangle.
 pub(super) fn lane_box(block: &Block, lane: usize) -> Aabb {
     let v = |k: usize| Vec3::new(block.vertices[3 * k][lane], block.vertices[3 * k + 1][lane], block.vertices[3 * k + 2][lane]);
     let (a, b, c) = (v(0), v(1), v(2));
     Aabb { min: a.min(b).min(c), max: a.max(b).max(c) }
 }
 
+/// A block's hits by one row of rays.
+pub(super) struct BlockHits<V> {
+    /// A bit for each hit with `t_min` < t ≤ `t_last`, by row, then triangle.
+    pub mask: u32,
+    pub t: V,
+    /// Areas whose quotients by `det` are the barycentric weights of vertices 1 and 2.
+    pub v: V,
+    pub w: V,
+    pub det: V,
+}
+
+/// What triangle tests need of a ray, in [`Floats::gather`]'s order: origin by permuted axes, shear, `t_min`, `t_last`.
+pub(super) type TestRay<V> = [V; RECORD];
+
 /// Tests a block: the watertight test of Woop, Benthin, Wald 2013, "Watertight Ray/Triangle Intersection", JCGT 2(1),
 /// appendix A, on several triangles at once. Edges are inclusive: an edge function that rounds to zero belongs to both
 /// sides, and as rounding is monotonic its sign is never wrong, so no ray passes between two triangles. (The paper takes
-/// double precision for zeros instead, to give them to one side.) Calls `take` with t, u, v and the primitive for each
-/// hit with `t_min` < t ≤ `t_last`, until it returns true.
+/// double precision for zeros instead, to give them to one side.) All rays have the same permutation of axes. None where
+/// no edge function lets a hit be.
 #[inline(always)]
-unsafe fn test_block<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut take: impl FnMut(f32, f32, f32, u32) -> bool) -> bool {
+pub(super) unsafe fn test_block<V: Floats>(block: &Block, axes: &[usize; 3], ray: &TestRay<V>) -> Option<BlockHits<V>> {
     // SAFETY: the caller vouches for the instruction set; all loads lie within the block, aligned to its lanes.
     unsafe {
         let base = block.vertices.as_ptr().cast::<f32>();
-        let [kx, ky, kz] = ray.axes;
-        let (ox, oy, oz) = (I::b_splat(ray.origin[0]), I::b_splat(ray.origin[1]), I::b_splat(ray.origin[2]));
-        let (sx, sy) = (I::b_splat(ray.shear[0]), I::b_splat(ray.shear[1]));
+        let [kx, ky, kz] = *axes;
+        let [ox, oy, oz, sx, sy, sz, t_min, t_last] = *ray;
         let vertex = |k: usize| {
             let p = base.add(3 * k * LANES);
-            let z = I::b_sub(I::b_load(p.add(kz)), oz);
-            let x = I::b_sub(I::b_sub(I::b_load(p.add(kx)), ox), I::b_mul(sx, z));
-            let y = I::b_sub(I::b_sub(I::b_load(p.add(ky)), oy), I::b_mul(sy, z));
+            let z = V::sub(V::load_row(p.add(kz)), oz);
+            let x = V::sub(V::sub(V::load_row(p.add(kx)), ox), V::mul(sx, z));
+            let y = V::sub(V::sub(V::load_row(p.add(ky)), oy), V::mul(sy, z));
             (x, y, z)
         };
         let (ax, ay, az) = vertex(0);
         let (bx, by, bz) = vertex(1);
         let (cx, cy, cz) = vertex(2);
-        let u = I::b_sub(I::b_mul(cx, by), I::b_mul(cy, bx));
-        let v = I::b_sub(I::b_mul(ax, cy), I::b_mul(ay, cx));
-        let w = I::b_sub(I::b_mul(bx, ay), I::b_mul(by, ax));
-        let zero = I::b_splat(0.0);
-        let least = I::b_min(I::b_min(u, v), w);
-        let most = I::b_max(I::b_max(u, v), w);
-        let sided = I::b_le(zero, least) | I::b_le(most, zero);
+        let u = V::sub(V::mul(cx, by), V::mul(cy, bx));
+        let v = V::sub(V::mul(ax, cy), V::mul(ay, cx));
+        let w = V::sub(V::mul(bx, ay), V::mul(by, ax));
+        let zero = V::splat(0.0);
+        let least = V::min(V::min(u, v), w);
+        let most = V::max(V::max(u, v), w);
+        let sided = V::le(zero, least) | V::le(most, zero);
         if sided == 0 {
-            return false;
+            return None;
         }
-        let det = I::b_add(I::b_add(u, v), w);
-        let scaled = I::b_add(I::b_add(I::b_mul(u, az), I::b_mul(v, bz)), I::b_mul(w, cz));
-        let t = I::b_div(I::b_mul(scaled, I::b_splat(ray.shear[2])), det);
+        let det = V::add(V::add(u, v), w);
+        let scaled = V::add(V::add(V::mul(u, az), V::mul(v, bz)), V::mul(w, cz));
+        let t = V::div(V::mul(scaled, sz), det);
         // A quotient by zero is infinite or not a number, and fails here.
-        let mut hits = sided & I::b_lt(I::b_splat(ray.t_min), t) & I::b_le(t, I::b_splat(t_last));
-        if hits == 0 {
-            return false;
-        }
-        let (mut ts, mut us, mut vs) = ([0.0f32; LANES], [0.0f32; LANES], [0.0f32; LANES]);
-        I::b_store(ts.as_mut_ptr(), t);
-        I::b_store(us.as_mut_ptr(), I::b_div(v, det));
-        I::b_store(vs.as_mut_ptr(), I::b_div(w, det));
-        while hits != 0 {
-            let lane = hits.trailing_zeros() as usize;
-            hits &= hits - 1;
-            if let Some(near) = ray.enters(&lane_box(block, lane))
-                && take(ts[lane].max(near), us[lane], vs[lane], block.prims[lane])
+        let mask = sided & V::lt(t_min, t) & V::le(t, t_last);
+        Some(BlockHits { mask, t, v, w, det })
+    }
+}
+
+/// Most numbers of a vector of triangle tests.
+const MOST_LANES: usize = 4 * LANES;
+
+/// Calls `take` with the row, t, u, v and the primitive of each hit whose primitive's box its ray enters, until it returns
+/// true; `ray` is the ray of a row.
+#[inline(always)]
+pub(super) unsafe fn take_hits<'a, I: Isa, V: Floats>(
+    block: &Block,
+    hits: &BlockHits<V>,
+    mut mask: u32,
+    ray: impl Fn(usize) -> &'a Prepared,
+    mut take: impl FnMut(usize, f32, f32, f32, u32) -> bool,
+) -> bool {
+    let (mut ts, mut us, mut vs) = ([0.0f32; MOST_LANES], [0.0f32; MOST_LANES], [0.0f32; MOST_LANES]);
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        V::store(ts.as_mut_ptr(), hits.t);
+        V::store(us.as_mut_ptr(), V::div(hits.v, hits.det));
+        V::store(vs.as_mut_ptr(), V::div(hits.w, hits.det));
+        while mask != 0 {
+            let at = mask.trailing_zeros() as usize % MOST_LANES;
+            mask &= mask - 1;
+            let (row, lane) = (at / LANES, at % LANES);
+            let vertex =
+                |k: usize| I::row(block.vertices[3 * k][lane], block.vertices[3 * k + 1][lane], block.vertices[3 * k + 2][lane], 0.0);
+            let (a, b, c) = (vertex(0), vertex(1), vertex(2));
+            let (lo, hi) = (I::B::min(I::B::min(a, b), c), I::B::max(I::B::max(a, b), c));
+            if let Some(near) = ray(row).enters_between::<I>(lo, hi)
+                && take(row, ts[at].max(near), us[at], vs[at], block.prims[lane])
             {
                 return true;
             }
         }
-        false
+    }
+    false
+}
+
+/// Tests a block with one ray: calls `take` with t, u, v and the primitive of each hit with `t_min` < t ≤ `t_last`,
+/// until it returns true.
+#[inline(always)]
+unsafe fn test_ray<I: Isa>(block: &Block, ray: &Prepared, t_last: f32, mut take: impl FnMut(f32, f32, f32, u32) -> bool) -> bool {
+    // SAFETY: the caller vouches for the instruction set.
+    unsafe {
+        let ([ox, oy, oz], [sx, sy, sz]) = (ray.origin, ray.shear);
+        let test = [ox, oy, oz, sx, sy, sz, ray.t_min, t_last].map(|x| I::B::splat(x));
+        match test_block(block, &ray.axes, &test) {
+            Some(hits) if hits.mask != 0 => take_hits::<I, I::B>(block, &hits, hits.mask, |_| ray, |_, t, u, v, prim| take(t, u, v, prim)),
+            _ => false,
+        }
     }
 }
 
@@ -166,15 +215,16 @@ impl<I: Isa> Lanes<I> {
     }
 }
 
+/// Up to where boxes count for a hit at `t`.
 #[inline(always)]
-fn scaled_limit(t: f32) -> f32 {
+pub(super) fn scaled_limit(t: f32) -> f32 {
     // From the largest number up to infinity is harmless.
     t * FAR_SCALE
 }
 
 /// The item numbers of a list leaf.
 #[inline(always)]
-unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
+pub(super) unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
     // SAFETY: the caller vouches that `child` is a list of the arena at `base`: a length and so many words.
     unsafe {
         let p = base.add((child >> 3) as usize * UNIT).cast::<Unit>().cast::<u32>();
@@ -184,7 +234,7 @@ unsafe fn list<'a>(base: *const u8, child: u32) -> &'a [u32] {
 
 /// Asks for the memory of the children in `mask`: most of them will be visited, and big scenes do not fit in caches.
 #[inline(always)]
-unsafe fn prefetch_children<I: Isa>(base: *const u8, children: *const u32, mask: u32) {
+pub(super) unsafe fn prefetch_children<I: Isa>(base: *const u8, children: *const u32, mask: u32) {
     // SAFETY: the caller vouches for the children; prefetched addresses need not be valid.
     unsafe {
         let mut m = mask;
@@ -209,6 +259,44 @@ fn closest_in_list(list: &[u32], ray: &Prepared, best: &mut Best, items: &impl I
 #[inline(never)]
 fn any_in_list(list: &[u32], ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
     list.iter().any(|&item| items.any(item, ray, t_last))
+}
+
+/// Offers the hits in a leaf to `best`.
+#[inline(always)]
+pub(super) unsafe fn closest_in_leaf<I: Isa>(base: *const u8, leaf: u32, ray: &Prepared, best: &mut Best, items: &impl Items) {
+    // SAFETY: the caller vouches for the leaf, which may be the empty one, and for the instruction set.
+    unsafe {
+        if leaf & 7 == TAG_ITEMS {
+            closest_in_list(list(base, leaf), ray, best, items);
+        } else {
+            let blocks = base.add((leaf >> 3) as usize * UNIT).cast::<Block>();
+            for i in 0..(leaf & 7) as usize {
+                let t_last = best.t;
+                test_ray::<I>(&*blocks.add(i), ray, t_last, |t, u, v, prim| {
+                    best.offer(t, u, v, prim);
+                    false
+                });
+            }
+        }
+    }
+}
+
+/// Whether anything in a leaf is hit at `t_last` or before.
+#[inline(always)]
+pub(super) unsafe fn any_in_leaf<I: Isa>(base: *const u8, leaf: u32, ray: &Prepared, t_last: f32, items: &impl Items) -> bool {
+    // SAFETY: as above.
+    unsafe {
+        if leaf & 7 == TAG_ITEMS {
+            return any_in_list(list(base, leaf), ray, t_last, items);
+        }
+        let blocks = base.add((leaf >> 3) as usize * UNIT).cast::<Block>();
+        for i in 0..(leaf & 7) as usize {
+            if test_ray::<I>(&*blocks.add(i), ray, t_last, |t, _, _, _| t <= t_last) {
+                return true;
+            }
+        }
+        false
+    }
 }
 
 /// Offers all hits below `root` to `best`.
@@ -247,18 +335,7 @@ pub(super) unsafe fn closest<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, b
                 }
             }
             if current != 0 {
-                if current & 7 == TAG_ITEMS {
-                    closest_in_list(list(base, current), ray, best, items);
-                } else {
-                    let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
-                    for i in 0..(current & 7) as usize {
-                        let t_last = best.t;
-                        test_block::<I>(&*blocks.add(i), ray, t_last, |t, u, v, prim| {
-                            best.offer(t, u, v, prim);
-                            false
-                        });
-                    }
-                }
+                closest_in_leaf::<I>(base, current, ray, best, items);
                 limit = scaled_limit(best.t);
                 limits = I::splat(limit);
             }
@@ -307,17 +384,8 @@ pub(super) unsafe fn any<I: Isa>(arena: &Arena, root: u32, ray: &Prepared, t_las
                     current = *refs.add(sp);
                 }
             }
-            if current & 7 == TAG_ITEMS {
-                if any_in_list(list(base, current), ray, t_last, items) {
-                    return true;
-                }
-            } else {
-                let blocks = base.add((current >> 3) as usize * UNIT).cast::<Block>();
-                for i in 0..(current & 7) as usize {
-                    if test_block::<I>(&*blocks.add(i), ray, t_last, |t, _, _, _| t <= t_last) {
-                        return true;
-                    }
-                }
+            if any_in_leaf::<I>(base, current, ray, t_last, items) {
+                return true;
             }
             if sp == 0 {
                 return false;

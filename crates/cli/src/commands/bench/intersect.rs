@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 use anyhow::{Context, bail, ensure};
-use etendue_render::accel::{Accel, Blas, BlasInput, Instance, IsaKind, Ray};
+use etendue_render::accel::{Accel, Blas, BlasInput, Hit, Instance, IsaKind, Ray, StreamMemory};
 use etendue_render::math::{Mat4, Vec3};
 
 use crate::clock;
@@ -28,11 +28,13 @@ const MISS: HitRecord = [0xff, 0xff, 0xff, 0xff, 0, 0, 0, 0];
 
 /// closest|any MESH RAYS [--threads N] [--repeat R] [--out HITS] [--then closest|any RAYS [--out HITS]]...
 #[derive(clap::Args)]
-#[command(override_usage = "etendue bench intersect closest|any MESH RAYS [--threads N] [--repeat R] [--isa NAME] [--out HITS] \
-    [--then closest|any RAYS [--out HITS]]...")]
+#[command(
+    override_usage = "etendue bench intersect closest|any MESH RAYS [--threads N] [--repeat R] [--isa NAME] [--single] [--out HITS] \
+    [--then closest|any RAYS [--out HITS]]..."
+)]
 pub struct Args {
     /// Mode, mesh file, ray file and options: `--threads N` threads that build and trace (default 1), `--repeat R` timed
-    /// passes (default 3), `--isa portable|avx2|avx512` instead of the best, `--out FILE` for the hits, and `--then` for
+    /// passes (default 3), `--isa portable|avx2|avx512` instead of the best, `--single` for rays one by one instead of in streams, `--out FILE` for the hits, and `--then` for
     /// further rays with the same structure.
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, required = true, value_name = "ARGS")]
     args: Vec<OsString>,
@@ -56,6 +58,7 @@ struct Plan {
     threads: usize,
     repeat: usize,
     isa: IsaKind,
+    single: bool,
 }
 
 /// Builds, traces and prints one JSON line for each set of rays.
@@ -78,14 +81,37 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         let mut any = vec![[0u8; 1]; if job.mode == Mode::Any { rays.len() } else { 0 }];
         let (mut by_cpu, mut by_wall) = (Vec::new(), Vec::new());
         for pass in 0..=plan.repeat {
-            let (cpu, wall) = match job.mode {
-                Mode::Closest => pass_over(&rays, &mut closest, plan.threads, |r| {
-                    accel.intersect(r).map_or(MISS, |h| {
-                        let [p, t] = [h.prim.to_le_bytes(), h.t.to_le_bytes()];
-                        [p[0], p[1], p[2], p[3], t[0], t[1], t[2], t[3]]
-                    })
+            let (cpu, wall) = match (job.mode, plan.single) {
+                (Mode::Closest, true) => pass_over(&rays, &mut closest, plan.threads, || {
+                    |rays: &[RayRecord], out: &mut [HitRecord]| {
+                        rays.iter().zip(out).for_each(|(r, out)| *out = hit_record(accel.intersect(&ray(r))));
+                    }
                 }),
-                Mode::Any => pass_over(&rays, &mut any, plan.threads, |r| [u8::from(accel.occluded(r))]),
+                (Mode::Any, true) => pass_over(&rays, &mut any, plan.threads, || {
+                    |rays: &[RayRecord], out: &mut [[u8; 1]]| {
+                        rays.iter().zip(out).for_each(|(r, out)| *out = [u8::from(accel.occluded(&ray(r)))]);
+                    }
+                }),
+                (Mode::Closest, false) => pass_over(&rays, &mut closest, plan.threads, || {
+                    let (mut memory, mut block, mut hits) = (StreamMemory::new(), Vec::new(), [None; CHUNK]);
+                    let accel = &accel;
+                    move |rays: &[RayRecord], out: &mut [HitRecord]| {
+                        block.clear();
+                        block.extend(rays.iter().map(ray));
+                        accel.intersect_stream(&block, &mut hits, &mut memory);
+                        hits.iter().zip(out).for_each(|(h, out)| *out = hit_record(*h));
+                    }
+                }),
+                (Mode::Any, false) => pass_over(&rays, &mut any, plan.threads, || {
+                    let (mut memory, mut block, mut found) = (StreamMemory::new(), Vec::new(), [false; CHUNK]);
+                    let accel = &accel;
+                    move |rays: &[RayRecord], out: &mut [[u8; 1]]| {
+                        block.clear();
+                        block.extend(rays.iter().map(ray));
+                        accel.occluded_stream(&block, &mut found, &mut memory);
+                        found.iter().zip(out).for_each(|(&o, out)| *out = [u8::from(o)]);
+                    }
+                }),
             };
             // The first pass warms up.
             if pass > 0 {
@@ -116,22 +142,27 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Traces all rays once; returns rays per second by CPU time, summed over the threads, and by wall time.
-fn pass_over<T: Send>(rays: &[RayRecord], results: &mut [T], threads: usize, trace: impl Fn(&Ray) -> T + Sync) -> (f64, f64) {
+/// Traces all rays once, in each thread with a function that `tracer` makes and that takes the rays and results of a
+/// chunk; returns rays per second by CPU time, summed over the threads, and by wall time.
+fn pass_over<T: Send, F: FnMut(&[RayRecord], &mut [T])>(
+    rays: &[RayRecord],
+    results: &mut [T],
+    threads: usize,
+    tracer: impl Fn() -> F + Sync,
+) -> (f64, f64) {
     // Each chunk of results has a lock that only its own thread ever takes.
     let chunks: Vec<_> = results.chunks_mut(CHUNK).map(std::sync::Mutex::new).collect();
     let (next, barrier) = (AtomicUsize::new(0), Barrier::new(threads));
     let work = || {
         barrier.wait();
         let (start, start_cpu) = (Instant::now(), clock::thread_cpu_secs());
+        let mut trace = tracer();
         let mut done = 0;
         loop {
             let i = next.fetch_add(1, Ordering::Relaxed);
             let Some(Ok(mut out)) = chunks.get(i).map(|c| c.lock()) else { break };
-            let rays = &rays[i * CHUNK..];
-            for (record, result) in rays.iter().zip(out.iter_mut()) {
-                *result = trace(&ray(record));
-            }
+            let rays = &rays[i * CHUNK..][..out.len()];
+            trace(rays, &mut out);
             done += out.len();
         }
         let cpu = clock::thread_cpu_secs() - start_cpu;
@@ -151,6 +182,13 @@ fn ray(record: &RayRecord) -> Ray {
     Ray { o: Vec3::new(f(0), f(1), f(2)), d: Vec3::new(f(4), f(5), f(6)), t_min: f(3), t_max: f(7) }
 }
 
+fn hit_record(hit: Option<Hit>) -> HitRecord {
+    hit.map_or(MISS, |h| {
+        let [p, t] = [h.prim.to_le_bytes(), h.t.to_le_bytes()];
+        [p[0], p[1], p[2], p[3], t[0], t[1], t[2], t[3]]
+    })
+}
+
 fn median(values: &mut [f64]) -> f64 {
     values.sort_by(f64::total_cmp);
     let n = values.len();
@@ -168,9 +206,14 @@ fn parse(args: Vec<OsString>) -> anyhow::Result<Plan> {
     let first_mode = mode(first_three()?)?;
     let mesh = PathBuf::from(first_three()?);
     let rays = PathBuf::from(first_three()?);
-    let mut plan = Plan { mesh, jobs: vec![Job { mode: first_mode, rays, out: None }], threads: 1, repeat: 3, isa: IsaKind::detect() };
+    let mut plan =
+        Plan { mesh, jobs: vec![Job { mode: first_mode, rays, out: None }], threads: 1, repeat: 3, isa: IsaKind::detect(), single: false };
     while let Some(option) = args.next() {
         let name = option.to_string_lossy().into_owned();
+        if name == "--single" {
+            plan.single = true;
+            continue;
+        }
         let mut value = || args.next().with_context(|| format!("{name} lacks its value"));
         let number = |a: OsString, most: usize| match a.to_str().and_then(|s| s.parse().ok()) {
             Some(n) if (1..=most).contains(&n) => Ok(n),
@@ -236,8 +279,9 @@ mod tests {
     #[test]
     fn the_protocol_s_command_line_is_understood() {
         let p =
-            plan("closest m.tri a.rays --threads 2 --repeat 5 --out a.hits --then any b.rays --then closest c.rays --out c.hits").unwrap();
-        assert_eq!((p.threads, p.repeat, p.jobs.len()), (2, 5, 3));
+            plan("closest m.tri a.rays --single --threads 2 --repeat 5 --out a.hits --then any b.rays --then closest c.rays --out c.hits")
+                .unwrap();
+        assert_eq!((p.threads, p.repeat, p.jobs.len(), p.single), (2, 5, 3, true));
         let outs: Vec<_> = p.jobs.iter().map(|j| (j.mode == Mode::Any, j.out.clone())).collect();
         assert_eq!(outs, [(false, Some("a.hits".into())), (true, None), (false, Some("c.hits".into()))]);
     }
