@@ -6,7 +6,8 @@ relMSE = mean((x − ref)² / (ref² + 0.01)) without the worst 0.1% of the pixe
 with a seed of its own. Pixels that show the first two scenes' ball are left out: no light that `path` or `bdpt` can find comes through it
 from a point. Loading is not counted.
 
-    python bench/caustics.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seconds 8] [--reference 2048] [--scene NAME] [--pictures F]
+    python bench/caustics.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seconds 8] [--reference 2048] [--scene NAME]
+        [--pictures F]
 
 Needs numpy only. Compare within a row: a machine that does other things is slower, for all of them.
 """

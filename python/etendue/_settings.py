@@ -17,7 +17,7 @@ class RenderSettings(TypedDict, total=False):
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
     integrator: str | None
-    """Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals."""
+    """Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals"""
     sampler: str | None
     """Where samples come from: sobol (Owen-scrambled), independent, stratified, halton."""
     filter: str | None

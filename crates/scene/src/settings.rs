@@ -15,7 +15,7 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
-        /// Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals.
+        /// Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
         sampler: Option<String> = None, "name", "";
