@@ -35,12 +35,6 @@ LARGEST_EDGE = 4096
 """Largest picture edge that a page may ask for, in pixels."""
 
 
-def integrators(scene: etendue.Scene) -> list[str]:
-    """Return names of the integrators that can be chosen for a scene, its own first."""
-    own = "whitted" if scene.info()["format"] == "pov" else "auto"
-    return [own, *(name for name in etendue.integrators() if name != own)]
-
-
 class Viewers:
     """Who is to be told of new pictures."""
 
@@ -218,7 +212,7 @@ class _Page:
             "info": {**info, "files": [Path(f).name for f in info["files"]][:50]},
             "losses": [[Path(loss.file).name, loss.line, loss.feature, loss.effect] for loss in scene.losses][:200],
             "warnings": [[Path(fault.file).name, fault.line, fault.message] for fault in scene.warnings][:200],
-            "integrators": integrators(scene),
+            "integrators": etendue.integrators(),
             "settings": {k: v for k, v in look.settings.items() if v is not None},
             "width": width,
             "height": height,

@@ -7,6 +7,7 @@
 //! that it enters, tells whether the point is inside.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -26,7 +27,8 @@ const PLACES: [[f32; 3]; 4] = [[0.34, 0.33, 0.33], [0.7, 0.18, 0.12], [0.12, 0.7
 /// A body is lit from inside by what lies in it with more than this share of its area. What touches it or is let into it a little, as
 /// a lamp into a ceiling, does not count.
 const INSIDE: f64 = 0.5;
-
+/// Triangles that are looked at for all lights together; scenes with more, of very many bodies within each other, are taken as they are.
+const MOST_LOOKS: usize = 1 << 33;
 /// Corners in the same one of so many cells of an object's extent are one.
 const CELLS: f32 = 1e6;
 
@@ -47,6 +49,9 @@ pub(super) fn dark_insides(scene: &Scene, faces: &Faces, candidates: &[Candidate
     let is_dark = |p: &&Part| p.is_closed && p.members.iter().all(|&i| is_dark_behind(scene, faces, &candidates[i], &decided[i]));
     let bodies: Vec<&Part> = parts.iter().chain(&joined).filter(is_dark).collect();
     let shadow = Shadow::new(candidates, &bodies);
+    if scene.lights.len().saturating_mul(2 * PLACES.len()).saturating_mul(shadow.most_entries()) > MOST_LOOKS {
+        return dark;
+    }
     let points = scene.lights.par_iter().filter(|light| light.is_delta() && !light.is_infinite());
     let at = |light: &Light| light.emit(&scene.sphere(), Vec2::splat(0.5), Vec2::splat(0.5)).map(|e| shadow.bodies_around(e.o));
     let of_points = points.filter_map(at).flatten();
@@ -180,7 +185,7 @@ fn has_fronts_outside(decided: &[Decided], members: &[usize]) -> bool {
 
 /// The bodies in which a part that shines lies.
 fn around(scene: &Scene, shadow: &Shadow, candidates: &[Candidate], decided: &[Decided], part: &Part) -> Vec<u32> {
-    let (mut area, mut inside) = (0.0f64, Vec::<(u32, f64)>::new());
+    let (mut area, mut inside) = (0.0f64, BTreeMap::<u32, f64>::new());
     for &i in &part.members {
         let Decided::Sides { sides: [Some(front), _], .. } = &decided[i] else { continue };
         let g = &scene.geometries[scene.placements[candidates[i].instance as usize].geometry as usize];
@@ -191,10 +196,7 @@ fn around(scene: &Scene, shadow: &Shadow, candidates: &[Candidate], decided: &[D
             for n in [front.normal, -front.normal].into_iter().take(if emission.two_sided { 2 } else { 1 }) {
                 area += of_place;
                 for body in shadow.bodies_around(offset(p, n)) {
-                    match inside.iter_mut().find(|(b, _)| *b == body) {
-                        Some((_, sum)) => *sum += of_place,
-                        None => inside.push((body, of_place)),
-                    }
+                    *inside.entry(body).or_default() += of_place;
                 }
             }
         }
@@ -237,7 +239,7 @@ impl Shadow {
         for shift in 0..usize::BITS {
             out.resolution = (finest >> shift).max(1);
             out.cells_per_unit = out.resolution as f64 / (hi - lo).max_element().max(f64::MIN_POSITIVE);
-            let count: usize = out.triangles.iter().map(|t| out.cells(t).count()).sum();
+            let count: usize = out.triangles.iter().map(|t| out.span(t)).map(|[rows, columns]| rows.count() * columns.count()).sum();
             if out.resolution == 1 || count <= 8 * out.triangles.len() + 4096 {
                 break;
             }
@@ -253,16 +255,25 @@ impl Shadow {
         out
     }
 
+    /// The entries of the fullest cell.
+    fn most_entries(&self) -> usize {
+        self.first.windows(2).map(|w| (w[1] - w[0]) as usize).max().unwrap_or(0)
+    }
+
     fn cell(&self, v: f64) -> usize {
         // Negative and beyond both ends are those.
         ((v * self.cells_per_unit) as usize).min(self.resolution - 1)
     }
 
-    /// The cells that a triangle's box overlaps.
-    fn cells(&self, (corners, _): &([DVec3; 3], u32)) -> impl Iterator<Item = usize> {
+    /// The rows and columns of cells that a triangle's box overlaps.
+    fn span(&self, (corners, _): &([DVec3; 3], u32)) -> [RangeInclusive<usize>; 2] {
         let [a, b, c] = corners.map(|p| p.truncate() - self.lo);
         let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
-        let (rows, columns) = (self.cell(lo.y)..=self.cell(hi.y), self.cell(lo.x)..=self.cell(hi.x));
+        [self.cell(lo.y)..=self.cell(hi.y), self.cell(lo.x)..=self.cell(hi.x)]
+    }
+
+    fn cells(&self, triangle: &([DVec3; 3], u32)) -> impl Iterator<Item = usize> {
+        let [rows, columns] = self.span(triangle);
         let resolution = self.resolution;
         rows.flat_map(move |y| columns.clone().map(move |x| y * resolution + x))
     }
@@ -272,16 +283,12 @@ impl Shadow {
         let p = DVec3::from_array(self.axes.map(|axis| axis.dot(p.as_dvec3())));
         let at = p.truncate() - self.lo;
         let cell = self.cell(at.y) * self.resolution + self.cell(at.x);
-        let mut counts: Vec<(u32, i32)> = Vec::new();
-        for &entry in &self.entries[self.first[cell] as usize..self.first[cell + 1] as usize] {
-            let (corners, body) = &self.triangles[entry as usize];
-            let step = crossing(corners, p);
-            match counts.iter_mut().find(|(b, _)| b == body) {
-                Some((_, count)) => *count += step,
-                None => counts.push((*body, step)),
-            }
-        }
-        counts.into_iter().filter(|(_, count)| *count != 0).map(|(body, _)| body).collect()
+        let entries = &self.entries[self.first[cell] as usize..self.first[cell + 1] as usize];
+        let crossed = entries.iter().map(|&entry| &self.triangles[entry as usize]).map(|(corners, body)| (*body, crossing(corners, p)));
+        let mut crossed: Vec<(u32, i32)> = crossed.filter(|c| c.1 != 0).collect();
+        crossed.sort_unstable();
+        let of_body = crossed.chunk_by(|a, b| a.0 == b.0);
+        of_body.filter(|c| c.iter().map(|c| c.1).sum::<i32>() != 0).map(|c| c[0].0).collect()
     }
 }
 

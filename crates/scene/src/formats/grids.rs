@@ -38,6 +38,8 @@ pub(super) struct Filler {
     size: [i64; 3],
     data: Vec<f32>,
     entries: u64,
+    /// Values that may still be set: nodes lie side by side, so each is set once at most.
+    unset: usize,
 }
 
 impl Filler {
@@ -50,7 +52,10 @@ impl Filler {
         let is_empty = (0..3).any(|k| max[k] < min[k]);
         let count = size.iter().try_fold(1i128, |n, s| n.checked_mul(i128::from(*s))).filter(|n| *n <= i128::from(VOLUME_LIMIT));
         match count {
-            Some(count) if !is_empty => Ok(Self { min: min.map(|v| v - 1), size, data: vec![background; count as usize], entries: 0 }),
+            Some(count) if !is_empty => {
+                let unset = count as usize;
+                Ok(Self { min: min.map(|v| v - 1), size, data: vec![background; unset], entries: 0, unset })
+            }
             _ => {
                 let [x, y, z] = size;
                 Err(format!("the grid `{name}` has {x} × {y} × {z} values, which is none or more than 2^28"))
@@ -59,20 +64,26 @@ impl Filler {
     }
 
     /// Sets the values of a cube of `edge` values.
-    pub fn fill(&mut self, origin: [i64; 3], edge: i64, value: f32) {
+    ///
+    /// # Errors
+    /// A sentence where cubes lie over each other, which could take any time.
+    pub fn fill(&mut self, origin: [i64; 3], edge: i64, value: f32) -> Result<(), String> {
         let range = |k: usize| {
             let lo = (origin[k] - self.min[k]).clamp(0, self.size[k]);
             let hi = (origin[k] + edge - self.min[k]).clamp(0, self.size[k]);
             lo as usize..hi as usize
         };
+        let (xs, ys, zs) = (range(0), range(1), range(2));
+        let left = self.unset.checked_sub(xs.len() * ys.len() * zs.len());
+        self.unset = left.ok_or("the nodes of a grid lie over each other")?;
         let (nx, ny) = (self.size[0] as usize, self.size[1] as usize);
-        for z in range(2) {
-            for y in range(1) {
+        for z in zs {
+            for y in ys.clone() {
                 let row = (z * ny + y) * nx;
-                let x = range(0);
-                self.data[row + x.start..row + x.end].fill(value);
+                self.data[row + xs.start..row + xs.end].fill(value);
             }
         }
+        Ok(())
     }
 
     /// Whether any value of a cube is wanted.
@@ -94,5 +105,19 @@ impl Filler {
         let vector = |v: [i64; 3]| DVec3::new(v[0] as f64, v[1] as f64, v[2] as f64);
         let cells = DMat4::from_translation(vector(self.min) - 0.5) * DMat4::from_scale(vector(self.size));
         DenseGrid { size: self.size.map(|n| n as u32), data: self.data, world_from_volume: world_from_index * cells }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cubes_over_each_other_are_refused() {
+        let mut filler = Filler::new("density", [0; 3], [99; 3], 0.0).unwrap();
+        filler.fill([0; 3], 64, 1.0).unwrap();
+        filler.fill([64, 0, 0], 64, 2.0).unwrap();
+        let error = (0..1000).find_map(|_| filler.fill([-2048; 3], 4096, 3.0).err()).unwrap();
+        assert!(error.contains("over each other"), "{error}");
     }
 }

@@ -155,7 +155,7 @@ fn dense(grid: &Bytes, name: &str) -> Result<DenseGrid, String> {
             continue;
         }
         if child == 0 {
-            filler.fill(origin, 4096, grid.f32(tile + 20)?);
+            filler.fill(origin, 4096, grid.f32(tile + 20)?)?;
         } else {
             inner(grid, UPPER, Some(LOWER), root.wrapping_add(child), origin, &mut filler)?;
         }
@@ -176,7 +176,7 @@ fn inner(grid: &Bytes, level: Level, below: Option<Level>, node: u64, origin: [i
         }
         let entry = node.checked_add(level.table + 8 * i).ok_or(ENDS)?;
         if !grid.bit(node.saturating_add(level.child_mask), i)? {
-            filler.fill(at, edge, grid.f32(entry)?);
+            filler.fill(at, edge, grid.f32(entry)?)?;
             continue;
         }
         let child = node.wrapping_add(grid.u64(entry)?);
@@ -194,7 +194,7 @@ fn leaf(grid: &Bytes, node: u64, origin: [i64; 3], filler: &mut Filler) -> Resul
         let at = [origin[0] + (i >> 6) as i64, origin[1] + (i >> 3 & 7) as i64, origin[2] + (i & 7) as i64];
         if filler.meets(at, 1) {
             let value = node.checked_add(LEAF_TABLE + 4 * i).ok_or(ENDS)?;
-            filler.fill(at, 1, grid.f32(value)?);
+            filler.fill(at, 1, grid.f32(value)?)?;
         }
     }
     Ok(())

@@ -359,7 +359,7 @@ fn dense(mut s: Stream, mut values: Values, name: &str) -> Result<Filler, String
     let mut filler = Filler::new(name, tree.active.min, tree.active.max, values.background)?;
     for tile in &tree.tiles {
         if filler.meets(tile.origin, tile.edge) {
-            filler.fill(tile.origin, tile.edge, tile.value);
+            filler.fill(tile.origin, tile.edge, tile.value)?;
         }
     }
     let mut buffer = Vec::new();
@@ -369,7 +369,7 @@ fn dense(mut s: Stream, mut values: Values, name: &str) -> Result<Filler, String
         values.node(&mut s, mask, &mut buffer)?;
         if filler.meets(origin, LEAF_EDGE) {
             for (i, value) in buffer.iter().enumerate() {
-                filler.fill(position(origin, i, LEAF_LOG, 1), 1, *value);
+                filler.fill(position(origin, i, LEAF_LOG, 1), 1, *value)?;
             }
         }
     }
