@@ -129,7 +129,7 @@ impl Integrator for Auto {
         let percent = focused * 100.0;
         if focused < LEAST_FOCUSED || (stage.is_cancelled)() {
             self.notes = vec![format!("auto: path tracing; {percent:.2}% of the light is focused by mirrors or glass")];
-            return Ok(());
+            return self.path.prepare(scene, stage);
         }
         let ratio = self.ratio_of_errors(scene, stage)?;
         self.uses_photons = ratio > MARGIN;
@@ -147,8 +147,9 @@ impl Integrator for Auto {
         if self.uses_photons {
             self.sppm.prepare(scene, stage)?;
             self.notes.extend(self.sppm.notes());
+            return Ok(());
         }
-        Ok(())
+        self.path.prepare(scene, stage)
     }
 
     fn pass_limit(&self) -> u32 {
@@ -160,7 +161,8 @@ impl Integrator for Auto {
     }
 
     fn notes(&self) -> Vec<String> {
-        self.notes.clone()
+        let of_path = if self.uses_photons { Vec::new() } else { self.path.notes() };
+        self.notes.iter().cloned().chain(of_path).collect()
     }
 
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {

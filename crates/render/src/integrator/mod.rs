@@ -30,6 +30,7 @@ mod photon_settings;
 mod photon_walk;
 mod radiosity;
 mod raster;
+mod splitting;
 mod sppm;
 mod vcm;
 mod volume;
@@ -97,6 +98,7 @@ pub struct Splat {
 }
 
 /// The last real scattering of a path, which the weights of the light found next refer to.
+#[derive(Clone)]
 struct Vertex {
     ctx: LightContext,
     /// Density of the direction; infinite for the camera and for delta lobes.
@@ -281,7 +283,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
-    let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
+    let mut path = Path::new(max_depth.unwrap_or(u32::MAX), rr_depth);
+    path.max_splits = settings.max_splits.unwrap_or(16);
     Ok(match name {
         "auto" => Box::new(Auto::new(path, photons()?)),
         "path" => Box::new(path),
@@ -291,7 +294,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "mnee" => Box::new(Mnee::new(path)),
         "pathmap" => Box::new(PathMap::new(path, photons()?)),
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
-        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
+        "direct" => Box::new(Path::new(max_depth.unwrap_or(1).min(1), rr_depth)),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
         "sppm" => Box::new(Sppm::new(photons()?)),

@@ -94,6 +94,22 @@ impl SampleStream {
         Self { dimension, ..*self }
     }
 
+    /// The numbers from here on of the `j`-th path into which this one splits: those of all samples are as well distributed as
+    /// this one's, and independent of the other branches'. That of 0 is this one.
+    #[inline]
+    pub fn branch(&self, j: u32) -> Self {
+        let scramble = if j == 0 { 0 } else { mix32(j.wrapping_mul(0x85eb_ca6b) ^ self.dimension) };
+        Self { pixel: [self.pixel[0] ^ scramble, self.pixel[1].wrapping_add(scramble)], ..*self }
+    }
+
+    /// The same, where all samples of the pixel split into `n` here: all of them together are as well distributed as a sequence `n` times
+    /// as long.
+    #[inline]
+    pub fn split(&self, n: u32, j: u32) -> Self {
+        let index = self.index.wrapping_mul(n).wrapping_add(j);
+        Self { index, reversed_index: index.reverse_bits(), ..*self }
+    }
+
     /// The next `numbers` as a stream of their own, and goes on behind them: what of them is not asked for is never made, and those that
     /// follow stay the same.
     #[inline]
