@@ -125,6 +125,7 @@ impl Auto {
 impl Integrator for Auto {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         self.uses_photons = false;
+        self.path.forget_splits();
         let focused = self.focused_share(scene, stage);
         let percent = focused * 100.0;
         if focused < LEAST_FOCUSED || (stage.is_cancelled)() {

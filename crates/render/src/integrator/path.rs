@@ -12,7 +12,7 @@
 use arrayvec::ArrayVec;
 
 use super::caustics::{Caustics, Place, Start};
-use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::light_sampling::{context, infinite, pdf_surface, sample_one, visibility};
 use super::splitting::{Probe, Splits};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Stage, Vertex};
@@ -129,6 +129,11 @@ impl Path {
         Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None }
     }
 
+    /// Paths do not split until [`Integrator::prepare`] plans anew.
+    pub(super) fn forget_splits(&mut self) {
+        self.splits = None;
+    }
+
     /// An estimate that leaves caustics to another method.
     pub(super) fn estimate_with<C: Caustics>(
         &self,
@@ -138,21 +143,13 @@ impl Path {
         stream: &mut SampleStream,
         out: &mut Estimate,
     ) {
-        let splits = self.splits.as_ref().map_or((1, 0.0), |splits| splits.at(stream.pixel()));
-        self.trace_any(caustics, scene, camera_ray, stream, out, splits, &mut Probe::default());
+        let mut probe = self.splits.as_ref().map_or(Probe::new(1, 0.0), |splits| splits.at(stream.pixel()));
+        self.trace_any(caustics, scene, camera_ray, stream, out, &mut probe);
     }
 
-    /// An estimate of a path that splits into so many, and what it tells of them.
-    pub(super) fn probe(
-        &self,
-        scene: &Scene,
-        camera_ray: &CameraRay,
-        stream: &mut SampleStream,
-        out: &mut Estimate,
-        splits: u32,
-        probe: &mut Probe,
-    ) {
-        self.trace_any(&(), scene, camera_ray, stream, out, (splits, 0.0), probe);
+    /// An estimate of a path that splits as the probe says, and what it tells of that.
+    pub(super) fn probe(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate, probe: &mut Probe) {
+        self.trace_any(&(), scene, camera_ray, stream, out, probe);
     }
 
     fn trace_any<C: Caustics>(
@@ -162,11 +159,10 @@ impl Path {
         camera_ray: &CameraRay,
         stream: &mut SampleStream,
         out: &mut Estimate,
-        splits: (u32, f32),
         probe: &mut Probe,
     ) {
         let trace = if scene.has_media { Self::trace::<true, C> } else { Self::trace::<false, C> };
-        trace(self, scene, camera_ray, caustics, stream, out, splits, probe);
+        trace(self, scene, camera_ray, caustics, stream, out, probe);
     }
 
     /// Follows one path. `MEDIA`: whether there are any. Compiled apart, as for each kind of `caustics`, so that scenes without pay
@@ -178,7 +174,6 @@ impl Path {
         caustics: &C,
         stream: &mut SampleStream,
         out: &mut Estimate,
-        (splits, worth): (u32, f32),
         probe: &mut Probe,
     ) {
         let ray = camera_ray.ray;
@@ -194,12 +189,12 @@ impl Path {
             trail: caustics.start(stream),
             camera_distance: 0.0,
             cone: Cone { width: 0.0, spread: camera_ray.spread_rad },
-            splits,
-            worth,
+            splits: probe.splits,
+            worth: probe.worth,
             leaves: 1,
             edges: 0,
         };
-        let edges = self.follow::<MEDIA, C>(scene, caustics, state, stream, out, probe);
+        let edges = self.go_on::<MEDIA, C>(scene, caustics, state, stream, out, probe);
         probe.end(out, edges);
     }
 
@@ -350,7 +345,7 @@ impl Path {
                         if MEDIA {
                             child.rng = stream.rng();
                         }
-                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, [&s], &scatter, last_edge, &mut stream) {
+                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, (&s, &scatter), last_edge, &mut stream) {
                             let edges = self.follow::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
                             probe.edges_after += edges - path.edges;
                         }
@@ -361,7 +356,7 @@ impl Path {
                     return path.edges;
                 }
             }
-            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, [&s], &scatter, last_edge, stream) {
+            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter), last_edge, stream) {
                 return path.edges;
             }
         }
@@ -374,8 +369,7 @@ impl Path {
         scene: &Scene,
         caustics: &C,
         path: &mut State<C::Trail>,
-        [s]: [&Surface; 1],
-        scatter: &Scatter,
+        (s, scatter): (&Surface, &Scatter),
         last_edge: bool,
         stream: &mut SampleStream,
     ) -> bool {
@@ -468,9 +462,17 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
         return;
     }
     for &light in &scene.infinite_lights {
-        let radiance = scene.lights[light as usize].escaped(d);
-        if !radiance.is_black() && !found(light) {
-            let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
+        if found(light) {
+            continue;
+        }
+        // The camera and mirrors have no density to weigh.
+        let (radiance, weight) = if last.pdf.is_finite() {
+            let (radiance, pdf) = infinite(scene, &last.ctx, light, d);
+            (radiance, power_heuristic(last.pdf, pdf))
+        } else {
+            (scene.lights[light as usize].escaped(d), 1.0)
+        };
+        if !radiance.is_black() {
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
         }
     }

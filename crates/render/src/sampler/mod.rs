@@ -258,6 +258,33 @@ mod tests {
         }
     }
 
+    /// Samples that all split into as many have the strata of a sequence so many times as long, from the split on.
+    #[test]
+    fn split_samples_are_stratified_together() {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 16 };
+        let mut seen = [false; 64];
+        for (index, j) in (0..16).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            let mut parent = sampler.stream(7, 7, index);
+            parent.next_2d();
+            let u = parent.split(4, j).next_2d();
+            assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "sample {index}, branch {j}");
+        }
+    }
+
+    /// Branches differ from each other, and each alone is as well distributed as its parent.
+    #[test]
+    fn branches_are_sequences_of_their_own() {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 64 };
+        let numbers = |j| (0..64).map(|i| sampler.stream(7, 7, i).branch(j).next_2d()).collect::<Vec<_>>();
+        for j in 0..8 {
+            let mut seen = [false; 64];
+            for u in numbers(j) {
+                assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "branch {j}: {u}");
+            }
+            assert!((0..j).all(|k| numbers(j) != numbers(k)), "branch {j} is an earlier one");
+        }
+    }
+
     #[test]
     fn stratified_samples_fall_into_their_strata() {
         for spp in [16, 17, 64] {
