@@ -29,7 +29,7 @@ class RenderSettings(TypedDict, total=False):
     rr_depth: int | None
     """Path length from which Russian roulette may end a path."""
     max_splits: int | None
-    """Most paths that go on from where a camera ray is scattered first, as a pilot decides for each place; 16 where not given, 1 for no split."""
+    """Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one."""
     light_sampler: str | None
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None
