@@ -127,6 +127,8 @@ const LEAST_SEEN: f64 = 16.0;
 /// Later splits are taken for worth this share of what the statistics of cells say: these hold the differences between the places and
 /// directions in a cell as well as the noise of each. Tried: 0.5 to 0.7 is best on scenes with and without glass.
 const LATER: f64 = 0.5;
+/// The number from which on it is rounded to two.
+const LEAST_LATER: f32 = 1.5;
 /// Most paths into which one splits at a later vertex, and all that a camera ray may become.
 const MOST_LATER: f32 = 8.0;
 const MOST_LEAVES: u32 = 128;
@@ -152,6 +154,8 @@ pub(super) struct Splits {
     worth: Vec<f32>,
     /// √(variance / cost) of what paths find from each cell on, for a throughput of 1; 0 where unknown.
     cells: Vec<f32>,
+    /// The greatest of these.
+    most_of_cells: f32,
 }
 
 /// What the pilot knows of a block: a mean, variances of a sample and costs in edges; before and after the split.
@@ -184,7 +188,8 @@ impl Splits {
         let cells = cells_of(looks.iter().flat_map(|(_, found)| found));
         let looks: Vec<Look> = looks.into_iter().map(|(look, _)| look).collect();
         let (counts, worth) = decide(&looks, [columns as usize, rows as usize], f64::from(most.clamp(1, 255)));
-        Self { block, columns, rows, counts, worth, cells }
+        let most_of_cells = cells.iter().copied().fold(0.0, f32::max);
+        Self { block, columns, rows, counts, worth, cells, most_of_cells }
     }
 
     /// What a path through a pixel does.
@@ -198,8 +203,13 @@ impl Splits {
     /// The number at a later vertex, for a throughput times what splits are worth.
     #[inline]
     pub fn later(&self, scene: &Scene, s: &Surface, wo: Vec3, throughput: Spectrum, leaves: u32) -> u32 {
-        let k = self.cells[cell_of(scene, s, wo) as usize] * throughput.luminance();
-        if k < 1.5 || leaves >= MOST_LEAVES { 1 } else { (k + 0.5).min(MOST_LATER) as u32 }
+        let throughput = throughput.luminance();
+        // Most throughputs are too small for any cell: nothing is looked up for these.
+        if throughput * self.most_of_cells < LEAST_LATER || leaves >= MOST_LEAVES {
+            return 1;
+        }
+        let k = self.cells[cell_of(scene, s, wo) as usize] * throughput;
+        if k >= LEAST_LATER { (k + 0.5).min(MOST_LATER) as u32 } else { 1 }
     }
 
     /// Smallest, mean and greatest number.
