@@ -180,7 +180,7 @@ fn flames_agree() {
     for (with_lamp, with_glass, depth) in [(false, false, None), (true, true, None), (true, false, Some(1))] {
         let desc = fireplace(with_lamp, with_glass);
         let deep = |s: &mut RenderSettings| s.max_depth = depth;
-        let reference = Blocks::of_seeds(&desc, &with("path", 192, deep), 6);
+        let reference = Blocks::of_seeds(&desc, &with("path", 128, deep), 6);
         let agrees = |s: RenderSettings, slack: f64, noise: f64| {
             let name = format!("{} with lamp: {with_lamp}, glass: {with_glass}, depth {depth:?}", s.integrator.as_deref().unwrap());
             assert_same(&name, &Blocks::of_seeds(&desc, &s, 6), &reference, slack, noise);
@@ -188,28 +188,30 @@ fn flames_agree() {
         if !with_glass {
             agrees(with("light", 24, deep), 1e-3, 0.5);
         }
-        agrees(with("bdpt", 12, deep), 1e-3, 0.5);
-        if !with_lamp {
-            // With fewer chains rare bright paths have a spread that ten seeds do not tell.
-            agrees(with("mlt", 96, deep), 1e-3, 0.5);
-        }
-        if with_glass {
-            agrees(with("mnee", 24, deep), 5e-3, 0.5);
-            agrees(with("pathmap", 24, |s| s.photons = Some(5_000)), 0.03, 0.5);
-            agrees(with("vcm", 8, |s| s.photon_radius = Some(0.01)), 0.01, 0.5);
-        }
         let photons = |name: &str, spp: u32, photons: u32| {
             with(name, spp, |s| {
                 (s.max_depth, s.photons) = (depth, Some(photons));
                 s.photon_neighbors = (name != "sppm").then_some(50);
             })
         };
-        agrees(photons("sppm", 24, 8_000), 0.04, 0.5);
-        agrees(photons("photon", 16, 60_000), 0.05, 0.5);
+        agrees(photons("sppm", 20, 6_000), 0.04, 0.5);
+        agrees(photons("photon", 12, 40_000), 0.05, 0.5);
+        if depth.is_some() {
+            continue;
+        }
         // Seams along edges are dark.
-        agrees(photons("particles", 8, 60_000), 0.15, 0.5);
-        let beams = RenderSettings { photon_beams: true, ..photons("sppm", 12, 8_000) };
-        agrees(beams, 0.05, 0.5);
+        agrees(photons("particles", 6, 40_000), 0.15, 0.5);
+        agrees(with("bdpt", 12, deep), 1e-3, 0.5);
+        if with_glass {
+            agrees(with("mnee", 20, deep), 5e-3, 0.5);
+            agrees(with("pathmap", 20, |s| s.photons = Some(4_000)), 0.03, 0.5);
+            agrees(with("vcm", 8, |s| s.photon_radius = Some(0.01)), 0.01, 0.5);
+        } else {
+            // With fewer chains rare bright paths have a spread that ten seeds do not tell.
+            agrees(with("mlt", 64, deep), 1e-3, 0.7);
+            let beams = RenderSettings { photon_beams: true, ..photons("sppm", 12, 6_000) };
+            agrees(beams, 0.05, 0.5);
+        }
     }
 }
 
