@@ -302,12 +302,6 @@ fn scattering_media() {
     let path = reference(&desc, &base(384));
     assert_same("bdpt media", &blocks(&desc, &method("bdpt", 16)), &path, ROUNDING, 0.08);
     assert_same("mlt media", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.3);
-    // No light is traced from what media emit.
-    let light = RenderSettings { spp: Some(1), ..method("light", 1) };
-    let mut session = session(&desc, &light);
-    let stop = etendue_render::session::Stop { spp: Some(1), ..Default::default() };
-    let error = session.render(&stop, &etendue_render::session::Cancel::default(), &etendue_render::session::Silent).unwrap_err();
-    assert!(error.to_string().contains("emit"), "{error}");
 }
 
 /// Scenes of POV-Ray: light of a lamp goes through what casts no shadow, and falls on it; the sky's light, which rays meet as well,

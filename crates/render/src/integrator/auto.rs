@@ -11,7 +11,7 @@
 
 use rayon::prelude::*;
 
-use super::photon_settings::PhotonSettings;
+use super::photon_settings::{PhotonSettings, check};
 use super::{Estimate, Integrator, Path, Sppm, Stage};
 use crate::camera::CameraRay;
 use crate::math::Vec2;
@@ -130,6 +130,11 @@ impl Integrator for Auto {
         let percent = focused * 100.0;
         if focused < LEAST_FOCUSED || (stage.is_cancelled)() {
             self.notes = vec![format!("auto: path tracing; {percent:.2}% of the light is focused by mirrors or glass")];
+            return self.path.prepare(scene, stage);
+        }
+        if check(scene).is_err() {
+            self.notes =
+                vec![format!("auto: path tracing; {percent:.2}% of the light is focused, but media emit where photons cannot start")];
             return self.path.prepare(scene, stage);
         }
         let ratio = self.ratio_of_errors(scene, stage)?;

@@ -1,19 +1,24 @@
 //! Rays that leave the lights: the first step of every method that traces particles.
 //!
 //! A light is chosen by its power (known without regard to any point of the scene), then a ray by [`Light::emit`]. The densities
-//! are available one by one, because bidirectional methods weigh paths that were made in other ways by them.
+//! are available one by one, because bidirectional methods weigh paths that were made in other ways by them. Media that emit
+//! take part where the method asks for them ([`EmissionSampler::with_media`]).
 
 use rayon::prelude::*;
 
+use super::volume_emission::{VolumeEmission, VolumeRay};
 use crate::accel::{Hit, Ray};
-use crate::light::{EmissionSample, Light, LightContext, LightSampler, LightSelection, SceneSphere};
-use crate::math::{INV_PI, Vec2, Vec3, warp};
+use crate::light::{EmissionSample, Light, LightContext, LightSampler, LightSelection, SceneSphere, strength};
+use crate::math::{INV_PI, ONE_MINUS_EPSILON, Vec2, Vec3, warp};
 use crate::medium::MediumStack;
+use crate::sampler::HashRng;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
 /// Surfaces that are passed on the way to a light: from the camera to find the light's medium, or against the light to where it comes from.
 const MAX_BORDERS: u32 = 4096;
+/// The least share of rays that lights, and media, have of all, where both emit.
+const LEAST_SHARE: f32 = 0.05;
 
 /// A ray that leaves a light.
 #[derive(Clone, Debug)]
@@ -58,6 +63,10 @@ pub struct EmissionSampler {
     sphere: SceneSphere,
     /// The media that each light is in; empty where the scene has none.
     media: Vec<MediumStack>,
+    /// Media that rays leave.
+    volumes: Option<VolumeEmission>,
+    /// The share of rays that leave media.
+    volume_share: f32,
 }
 
 impl EmissionSampler {
@@ -65,8 +74,45 @@ impl EmissionSampler {
     pub fn new(scene: &Scene) -> Self {
         let sphere = scene.sphere();
         let lights = LightSampler::new(&scene.lights, &sphere, LightSelection::Power);
-        let media = if scene.has_media { scene.lights.par_iter().map(|l| media_at(scene, &sphere, l)).collect() } else { Vec::new() };
-        Self { lights, sphere, media }
+        let media = if scene.has_media { scene.lights.par_iter().map(|l| media_of(scene, &sphere, l)).collect() } else { Vec::new() };
+        Self { lights, sphere, media, volumes: None, volume_share: 0.0 }
+    }
+
+    /// For the lights of a scene and the media that emit.
+    ///
+    /// # Errors
+    /// A sentence about media that emit and have no end.
+    pub fn with_media(scene: &Scene) -> Result<Self, String> {
+        let mut sampler = Self::new(scene);
+        if scene.has_media {
+            sampler.volumes = VolumeEmission::new(scene)?;
+        }
+        if let Some(volumes) = &sampler.volumes {
+            let lights: f32 = scene.lights.iter().map(|l| strength(l.power(&sampler.sphere))).sum();
+            let share = volumes.power() / (volumes.power() + lights.min(1e30));
+            sampler.volume_share = if lights > 0.0 { share.clamp(LEAST_SHARE, 1.0 - LEAST_SHARE) } else { 1.0 };
+        }
+        Ok(sampler)
+    }
+
+    /// A ray that leaves a medium, where the number that chooses says so; else the number is stretched for the choice of a light
+    /// ([`Self::sample`]). `Some(None)`: a ray without power.
+    #[inline]
+    pub fn sample_medium(
+        &self,
+        scene: &Scene,
+        u: &mut f32,
+        (u_position, u_direction): (Vec2, Vec2),
+        rng: &mut HashRng,
+    ) -> Option<Option<VolumeRay>> {
+        let volumes = self.volumes.as_ref()?;
+        let share = self.volume_share;
+        if *u < share {
+            let ray = volumes.sample(scene, (*u / share).min(ONE_MINUS_EPSILON), u_position, u_direction, rng);
+            return Some(ray.map(|r| VolumeRay { power: r.power / share, ..r }));
+        }
+        *u = ((*u - share) / (1.0 - share)).clamp(0.0, ONE_MINUS_EPSILON);
+        None
     }
 
     /// The media that the rays of a light start in. One for the whole light: a border may not go through it.
@@ -83,12 +129,13 @@ impl EmissionSampler {
     /// The probability of choosing a light.
     #[inline]
     pub fn pmf(&self, light: u32) -> f32 {
-        self.lights.pmf(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, light)
+        self.lights.pmf(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, light) * (1.0 - self.volume_share)
     }
 
     /// A ray for random numbers in [0, 1); `None` where nothing is emitted, which counts as a ray without power.
     pub fn sample(&self, scene: &Scene, u_light: f32, u_position: Vec2, u_direction: Vec2) -> Option<Emission> {
         let (light, pmf) = self.lights.sample(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, u_light)?;
+        let pmf = pmf * (1.0 - self.volume_share);
         let sample = emit(scene, &self.sphere, &scene.lights[light as usize], u_position, u_direction)?;
         let surface = match &scene.lights[light as usize] {
             Light::Area(area) => {
@@ -167,13 +214,18 @@ fn emit(scene: &Scene, sphere: &SceneSphere, light: &Light, u_position: Vec2, u_
     Some(sample)
 }
 
-/// The media at a light: those that a straight way from the camera, whose media are known, comes to.
-fn media_at(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
+/// The media at a light, a little before it on the side to which it shines.
+fn media_of(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
+    match emit(scene, sphere, light, Vec2::splat(0.5), Vec2::splat(0.5)) {
+        Some(start) => media_at(scene, start.o + start.d * (1e-4 * sphere.radius)),
+        None => scene.camera_medium,
+    }
+}
+
+/// The media at a point: those that a straight way from the camera, whose media are known, comes to.
+pub(super) fn media_at(scene: &Scene, end: Vec3) -> MediumStack {
     let mut media = scene.camera_medium;
-    let Some(start) = emit(scene, sphere, light, Vec2::splat(0.5), Vec2::splat(0.5)) else { return media };
-    // A little before the light on the side to which it shines.
-    let end = start.o + start.d * (1e-4 * sphere.radius);
-    let mut o = scene.camera.ray(Vec2::ZERO, Vec2::splat(0.5)).ray.o;
+    let mut o = scene.camera_origin();
     for _ in 0..MAX_BORDERS {
         let to = end - o;
         let distance = to.length();

@@ -2,12 +2,13 @@
 //! the camera.
 //!
 //! Caustics on rough surfaces come out at once. What the camera sees in mirrors and through glass stays black, as the last
-//! scattering before the camera must not be a delta lobe; lights themselves are seen by rays from the camera. `bdpt` and `vcm`
-//! weigh this method with others.
+//! scattering before the camera must not be a delta lobe; lights and media that emit are themselves seen by rays from the camera. `bdpt`
+//! and `vcm` weigh this method with others.
 
 use super::bidirectional::mis::Techniques;
 use super::bidirectional::walk::Walk;
 use super::bidirectional::{Bidirectional, CAMERA_DIMENSIONS, LIGHT_DIMENSIONS};
+use super::emission::EmissionSampler;
 use super::{Estimate, Integrator, Splat, Stage};
 use crate::camera::CameraRay;
 use crate::sampler::SampleStream;
@@ -33,12 +34,9 @@ impl Integrator for LightTracer {
     }
 
     fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
-        if scene.media.iter().any(crate::medium::Medium::emits) {
-            return Err("`light` traces from lights alone: media that emit light are for path, bdpt and vcm".into());
-        }
         // Every path is made in one way only, so that it has no weight.
         self.shared.techniques = Techniques::ONLY_TO_CAMERA;
-        self.shared.prepare(scene);
+        self.shared.emission = Some(EmissionSampler::with_media(scene).map_err(|e| format!("`light`: {e}"))?);
         Ok(())
     }
 
@@ -62,6 +60,10 @@ impl Integrator for LightTracer {
             }
         }
         let escape = self.direct_sight.walk_camera(scene, camera_ray, 1, stream, &mut walk);
+        // What media on the straight way send to the camera; all that is scattered comes by the walk from the light.
+        for &(_, emitted) in &walk.emitted {
+            out.add(emitted, 0);
+        }
         self.direct_sight.direct_sight(scene, camera_ray, &walk, escape.as_ref(), &mut joints, out);
     }
 }

@@ -34,6 +34,7 @@ mod splitting;
 mod sppm;
 mod vcm;
 mod volume;
+pub mod volume_emission;
 mod whitted;
 
 pub use ao::AmbientOcclusion;
@@ -48,7 +49,7 @@ pub use particles::Particles;
 pub use path::Path;
 pub use pathmap::PathMap;
 pub use photon::PhotonMapping;
-pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, describe as describe_photons, limits as photon_limits};
+pub use photon_settings::{DEFAULT_PHOTONS, PhotonSettings, check as check_photons, describe as describe_photons, limits as photon_limits};
 pub use radiosity::Radiosity;
 pub use raster::Raster;
 pub use sppm::Sppm;

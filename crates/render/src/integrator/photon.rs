@@ -4,7 +4,8 @@
 //! A gather ray goes on through mirrors, glass and frosted glass to the next surface with a diffuse part and takes what the global map
 //! says there; where that is purely diffuse, from irradiance computed beforehand at the photons (Christensen 1999, "Faster Photon Map
 //! Global Illumination", doi:10.1080/10867651.1999.10487505). Light that reaches the gathering surface from a light by mirrors and
-//! refractors alone is the caustic map's: gather rays that meet a light bring nothing. Gather rays that end closer than the estimates
+//! refractors alone is the caustic map's: gather rays that meet a light bring nothing. What media emit gather rays bring from wherever they
+//! pass, also beyond mirrors; the caustic map has none of it. Gather rays that end closer than the estimates
 //! reach gather once more, so that corners are neither dark nor blotchy.
 //!
 //! The map is the same for all views and samples: noise goes down with the samples, the blur of the map does not.
@@ -22,6 +23,7 @@ use crate::bsdf::{Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::material::Scatter;
 use crate::math::{Frame, INV_PI, ONE_MINUS_EPSILON, Vec3, warp};
+use crate::medium::Medium;
 use crate::photon::tree::Neighbors;
 use crate::photon::{Photon, PhotonTree, Query, Route, estimate};
 use crate::sampler::{HashRng, SampleStream};
@@ -61,6 +63,8 @@ pub struct PhotonMapping {
     /// From `prepare` on.
     reach: Option<Reach>,
     scale: f32,
+    /// Whether any medium emits.
+    glows: bool,
     notes: Vec<String>,
 }
 
@@ -78,6 +82,7 @@ impl PhotonMapping {
             volume_radius: 0.0,
             reach: None,
             scale: 0.0,
+            glows: false,
             notes: Vec::new(),
         }
     }
@@ -156,24 +161,27 @@ impl PhotonMapping {
                 media.cross(scene, &s, step.wi);
             }
             depth += u32::from(event == 0 || !step.is_null);
-            // The surface that comes next scatters as well.
-            if depth >= self.settings.depth() {
+            // The surface that comes next scatters as well; what media on the way emit does not.
+            let is_last = depth >= self.settings.depth();
+            if depth > self.settings.depth() || is_last && !self.glows {
                 return;
             }
             let ray = Ray::new(s.offset_origin(step.wi), step.wi);
             let found = scene.intersect(&ray);
             if let Some(medium) = scene.medium(&media) {
                 let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
-                if medium.scatters() {
+                if medium.scatters() && !is_last {
                     self.medium(scene, &Through { medium, ray: &ray, t_max, throughput, depth }, rng, out);
                 }
-                throughput *= medium.transmittance(&ray, t_max, rng);
+                let crossing = medium.cross(&ray, t_max, rng);
+                out.add(throughput * crossing.emitted, 0);
+                throughput *= crossing.transmittance;
             }
             let Some(hit) = found else { return };
             (s, wo) = (hit, -ray.d);
             scatter = scene.materials[s.material as usize].shade(scene, &s, wo);
             role = Role::Guide;
-            if scatter.has_diffuse() {
+            if scatter.has_diffuse() && !is_last {
                 let at = At { s: &s, scatter: &scatter, wo, throughput, depth, media: &media };
                 if !was_near && s.t < self.reach_at(s.p) && self.search_radius(&s) > s.t {
                     (role, was_near) = (Role::Near, true);
@@ -260,6 +268,7 @@ impl Integrator for PhotonMapping {
         self.notes.clear();
         let mut map = self.settings.map(scene, stage, &mut self.notes)?;
         self.reach = Some(self.settings.reach(scene));
+        self.glows = scene.media.iter().any(Medium::emits);
         // Irradiance knows neither light groups nor the lengths of paths.
         let precompute = scene.group_names.len() == 1 && self.settings.max_depth.is_none();
         let record = crate::photon::map::BYTES_PER_PHOTON;

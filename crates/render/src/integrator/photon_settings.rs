@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use etendue_scene::RenderSettings;
 
 use super::Stage;
+use super::volume_emission::VolumeEmission;
 use crate::light::{Light, SceneSphere};
 use crate::math::{Vec2, Vec3, hash::hash_words};
 use crate::photon::tree::Neighbors;
@@ -118,8 +119,9 @@ impl PhotonSettings {
     /// The map of the settings' file, or one traced now. `notes` gets sentences about it.
     ///
     /// # Errors
-    /// A sentence where the file cannot be read or is of another scene.
+    /// A sentence where the file cannot be read or is of another scene, or the scene has media that emit without end.
     pub fn map(&self, scene: &Scene, stage: &Stage, notes: &mut Vec<String>) -> Result<PhotonMap, String> {
+        check(scene)?;
         let mut map = match &self.map {
             Some(path) => {
                 let map = PhotonMap::load(path, self.memory).map_err(|e| format!("{}: {e}", path.display()))?;
@@ -168,15 +170,20 @@ pub fn describe(map: &Contents) -> String {
     text
 }
 
+/// Whether photons can carry all light of media.
+///
+/// # Errors
+/// A sentence about media that emit and have no end.
+pub fn check(scene: &Scene) -> Result<(), String> {
+    VolumeEmission::new(scene).map(|_| ())
+}
+
 /// Sentences about light of this scene that photons do not carry.
 pub fn limits(scene: &Scene) -> Vec<String> {
     let mut notes = Vec::new();
     let endless = |l: &Light| matches!(l, Light::Area(a) if !a.area().is_finite());
     if scene.lights.iter().any(endless) {
         notes.push("photons do not leave infinite planes that emit: their light on diffuse surfaces is missing".into());
-    }
-    if scene.media.iter().any(|m| m.emits()) {
-        notes.push("photons do not leave media that emit: these are seen, but light nothing".into());
     }
     notes
 }

@@ -10,7 +10,7 @@
 
 use super::particles::add_volume;
 use super::photon_beams::PhotonBeams;
-use super::photon_settings::{PhotonSettings, Reach, limits, volume_radius};
+use super::photon_settings::{PhotonSettings, Reach, check, limits, volume_radius};
 use super::photon_walk::{At, Gather, MAX_PDF, Through, Walk};
 use super::{Estimate, Integrator, Stage};
 use crate::camera::CameraRay;
@@ -113,6 +113,7 @@ impl Integrator for Sppm {
         if self.settings.map.is_some() {
             return Err("`sppm` traces new photons for each pass: it cannot use a photon map".into());
         }
+        check(scene)?;
         let pixels = stage.size[0].saturating_mul(stage.size[1]);
         self.photons = self.settings.photons.unwrap_or(pixels.clamp(PHOTONS[0], PHOTONS[1]));
         self.reach = Some(self.settings.reach(scene));

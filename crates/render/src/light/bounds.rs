@@ -35,7 +35,7 @@ const LEAN_FLOOR: f32 = 0.1;
 const COS_SLACK: f32 = 1e-4;
 
 /// The one number of a light's strength. Every color counts, and absurd values stay finite.
-pub(super) fn strength(s: Spectrum) -> f32 {
+pub(crate) fn strength(s: Spectrum) -> f32 {
     let s = 0.5 * (s.luminance() + s.max_component());
     if s > 0.0 { s.min(1e30) } else { 0.0 }
 }

@@ -31,6 +31,7 @@ pub mod sunsky;
 
 pub use area::{AreaGeometry, AreaLight};
 pub use bounds::LightBounds;
+pub(crate) use bounds::strength;
 pub use constant::ConstantLight;
 pub use directional::{DirectionalLight, SunLight};
 pub use environment::{EnvironmentLight, Rows};

@@ -110,6 +110,11 @@ impl GridMedium {
         self.emission.is_some()
     }
 
+    /// The box in which it is (the world from the unit cube) and the values along its axes; `None` for media without a border.
+    pub fn bounds(&self) -> Option<(crate::math::Mat4, [i32; 3])> {
+        self.extinction.volume.as_ref().map(|v| (v.world_from_volume, v.size()))
+    }
+
     /// An upper bound of the extinction.
     pub fn majorant(&self) -> f32 {
         self.majorants.max

@@ -46,7 +46,7 @@ pub enum Route {
     Direct = 0,
     /// By mirrors and refractors alone (and glossy surfaces without a diffuse part): caustics.
     Caustic = 1,
-    /// After at least one diffuse scattering.
+    /// After at least one diffuse scattering, or from a medium that emits.
     Indirect = 2,
 }
 

@@ -14,7 +14,7 @@ use crate::accel::Ray;
 use crate::bsdf::Lobe;
 use crate::integrator::emission::EmissionSampler;
 use crate::math::hash::hash_words;
-use crate::medium::{Medium, MediumStack};
+use crate::medium::Medium;
 use crate::sampler::{HashRng, Sampler, SamplerKind};
 use crate::scene::Scene;
 use crate::spectrum::Spectrum;
@@ -79,10 +79,14 @@ pub struct Tracer<'a> {
 }
 
 impl<'a> Tracer<'a> {
-    /// Photons of a seed. `max_depth` is the longest path in scattering events, the last of which is where the light is seen.
+    /// Photons of a seed. `max_depth` is the longest path in scattering events, the last of which is where the light is seen. Photons leave
+    /// media that emit as well, but where they are wanted for their mirrors and refractors alone, and media without end
+    /// ([`EmissionSampler::with_media`] says which).
     pub fn new(scene: &'a Scene, seed: u64, max_depth: u32, keep: Keep) -> Self {
         let sampler = Sampler { kind: SamplerKind::Sobol, seed: hash_words([seed, u64::from_le_bytes(*b"photons\0")]), spp: 0 };
-        Self { scene, emission: EmissionSampler::new(scene), sampler, max_depth, keep }
+        let lights = || EmissionSampler::new(scene);
+        let emission = if keep.focused_only { lights() } else { EmissionSampler::with_media(scene).unwrap_or_else(|_| lights()) };
+        Self { scene, emission, sampler, max_depth, keep }
     }
 
     /// The deposits of the photons of a range of indices, in `pass`: each pass has photons of its own. Of them one of 2^`level` is kept, as
@@ -121,14 +125,20 @@ impl<'a> Tracer<'a> {
         let scene = self.scene;
         let mut stream = self.sampler.stream((index >> 32) as u32, pass, index as u32);
         let mut rng = if scene.has_media { stream.rng() } else { HashRng::default() };
-        let (u_light, u_position, u_direction) = (stream.next_1d(), stream.next_2d(), stream.next_2d());
-        let Some(emission) = self.emission.sample(scene, u_light, u_position, u_direction) else { return };
-        let mut power = emission.power();
-        let group = emission.group;
-        let mut ray = emission.ray;
-        let mut media: MediumStack = self.emission.media(emission.light);
-        let (mut route, mut depth, mut crossings) = (Route::Direct, 0, 0);
-        let passes_solids = scene.solids.is_some() && scene.lights[emission.light as usize].is_delta();
+        let (mut u_light, u_position, u_direction) = (stream.next_1d(), stream.next_2d(), stream.next_2d());
+        let (mut power, group, mut ray, mut media, mut route, is_delta);
+        match self.emission.sample_medium(scene, &mut u_light, (u_position, u_direction), &mut rng) {
+            // Light of media counts as indirect: no method samples it as it samples lights.
+            Some(Some(v)) => (power, group, ray, media, route, is_delta) = (v.power, 0, v.ray, v.media, Route::Indirect, false),
+            Some(None) => return,
+            None => {
+                let Some(e) = self.emission.sample(scene, u_light, u_position, u_direction) else { return };
+                (power, group, ray, route) = (e.power(), e.group, e.ray, Route::Direct);
+                (media, is_delta) = (self.emission.media(e.light), scene.lights[e.light as usize].is_delta());
+            }
+        }
+        let (mut depth, mut crossings) = (0, 0);
+        let passes_solids = scene.solids.is_some() && is_delta;
         while depth < self.max_depth {
             let found = scene.intersect(&ray);
             let mut before = power;

@@ -212,6 +212,11 @@ impl Scene {
         }
     }
 
+    /// Where the camera's middle ray starts.
+    pub fn camera_origin(&self) -> Vec3 {
+        self.camera.ray(Vec2::ZERO, Vec2::splat(0.5)).ray.o
+    }
+
     /// Whether a method that needs triangles can be used.
     ///
     /// # Errors

@@ -228,7 +228,9 @@ pub fn compile_for_photons(desc: &SceneDesc) -> Result<Scene, JobError> {
     // where its camera looks, so that the picture's size matters.
     let settings = RenderSettings { integrator: Some("particles".to_owned()), ..RenderSettings::default() };
     let plan = Plan::new(desc, &settings, None)?;
-    scene::compile(desc, &settings, [plan.width, plan.height]).map_err(JobError::Scene)
+    let scene = scene::compile(desc, &settings, [plan.width, plan.height]).map_err(JobError::Scene)?;
+    integrator::check_photons(&scene).map_err(JobError::Setting)?;
+    Ok(scene)
 }
 
 /// The integrator of a plan, where it can render the scene.

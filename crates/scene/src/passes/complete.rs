@@ -5,7 +5,9 @@ use std::f32::consts::FRAC_PI_4;
 
 use glam::{Mat4, Vec3};
 
-use crate::desc::{AddNode, CameraDesc, FovAxis, GeometryDesc, LightDesc, Node, Param, ProjectionDesc, SceneDesc, ShapeDesc, ShapeId};
+use crate::desc::{
+    AddNode, CameraDesc, FovAxis, GeometryDesc, LightDesc, MediumDesc, Node, Param, ProjectionDesc, SceneDesc, ShapeDesc, ShapeId,
+};
 use crate::span::{FileId, Span};
 
 /// Adds a camera that frames the whole scene in a three-quarter view, and soft light from everywhere with a directional key light, where
@@ -16,7 +18,7 @@ pub fn complete(desc: &mut SceneDesc) {
         return;
     }
     let span = Span::file(FileId(0));
-    let needs_light = desc.lights.is_empty() && !desc.shapes.iter().any(|s| emits(&s.value));
+    let needs_light = desc.lights.is_empty() && !desc.shapes.iter().any(|s| emits(&s.value)) && !glows(desc);
     if !desc.cameras.is_empty() && !needs_light {
         return;
     }
@@ -35,6 +37,17 @@ pub fn complete(desc: &mut SceneDesc) {
         desc.add(Node::named("automatic key", span, LightDesc::Directional { direction: key, irradiance: [2.0; 3] }));
         desc.report.warning(span, "the file has no light; soft light from everywhere and a directional key light are added");
     }
+}
+
+/// Whether a medium emits that a shape or a camera names: a flame needs no other light.
+fn glows(desc: &SceneDesc) -> bool {
+    let of_shapes = desc.shapes.iter().flat_map(|s| [s.value.interior, s.value.exterior]);
+    of_shapes.chain(desc.cameras.iter().map(|c| c.value.medium)).flatten().filter_map(|id| desc.media.get(id.0 as usize)).any(|m| match &m
+        .value
+    {
+        MediumDesc::Homogeneous { emission, .. } => emission.iter().any(|v| *v > 0.0),
+        MediumDesc::Grid(grid) => grid.emission.is_some(),
+    })
 }
 
 fn emits(shape: &ShapeDesc) -> bool {
@@ -127,5 +140,26 @@ fn analytic_corners(geometry: &GeometryDesc) -> Vec<Vec3> {
         GeometryDesc::Polygon { contours } => corners_of(&contours.iter().flatten().map(|p| p.extend(0.0)).collect::<Vec<_>>()),
         // Unbounded shapes do not ask to be framed.
         _ => Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::desc::{MediumId, PhaseDesc};
+
+    #[test]
+    fn flames_need_no_other_light() {
+        for (emission, used, lights) in [(1.0, true, 0), (0.0, true, 2), (1.0, false, 2)] {
+            let mut desc = SceneDesc::new("test", "test");
+            let medium =
+                MediumDesc::Homogeneous { sigma_a: [1.0; 3], sigma_s: [0.0; 3], emission: [emission; 3], phase: PhaseDesc::Isotropic };
+            let medium: MediumId = desc.add(Node::new(Span::default(), medium));
+            let ball = GeometryDesc::Sphere { center: Vec3::ZERO, radius: 1.0 };
+            let shape = ShapeDesc { interior: used.then_some(medium), ..ShapeDesc::new(ball, Mat4::IDENTITY) };
+            desc.add(Node::new(Span::default(), shape));
+            complete(&mut desc);
+            assert_eq!(desc.lights.len(), lights, "{emission} {used}");
+        }
     }
 }

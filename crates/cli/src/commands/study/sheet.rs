@@ -7,6 +7,8 @@ use super::curve::Curve;
 
 /// Pictures are shrunk to at most this width.
 const CELL_WIDTH: u32 = 360;
+/// Narrower ones are enlarged, so that they do not run into each other's names.
+const LEAST_WIDTH: u32 = 272;
 const GAP: u32 = 8;
 /// Height of a line of text: eight pixels at twice the size, and space.
 const LINE: u32 = 24;
@@ -14,9 +16,16 @@ const COLUMNS: u32 = 4;
 const PAPER: [f32; 3] = [0.9; 3];
 const INK: [f32; 3] = [0.01; 3];
 
-/// A picture shrunk by a whole factor, by means of squares.
-fn shrink(image: &Image) -> (u32, u32, Vec<[f32; 3]>) {
+/// A picture shrunk by a whole factor, by means of squares; or enlarged by one, if it is small.
+fn fit(image: &Image) -> (u32, u32, Vec<[f32; 3]>) {
     let rgb = image.rgb().unwrap_or_default();
+    if image.width < LEAST_WIDTH && image.width > 0 {
+        let factor = LEAST_WIDTH.div_ceil(image.width);
+        let (width, height) = (image.width * factor, image.height.saturating_mul(factor));
+        let pixel = |x: u32, y: u32| rgb.get((y / factor * image.width + x / factor) as usize).copied().unwrap_or_default();
+        let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
+        return (width, height, pixels);
+    }
     let factor = image.width.div_ceil(CELL_WIDTH).max(1);
     let (width, height) = ((image.width / factor).max(1), (image.height / factor).max(1));
     let pixel = |i: u32| {
@@ -71,7 +80,7 @@ impl Sheet {
 
 /// Reference first, then each method with its FLIP map under it.
 pub(super) fn contact_sheet(reference: &Image, curves: &[Curve]) -> Image {
-    let cell = shrink(reference);
+    let cell = fit(reference);
     let (w, h) = (cell.0, cell.1);
     let count = curves.len() as u32 + 1;
     let columns = count.min(COLUMNS);
@@ -86,8 +95,26 @@ pub(super) fn contact_sheet(reference: &Image, curves: &[Curve]) -> Image {
         let (x, y) = at(i);
         let error = curve.points.last().map_or(String::new(), |p| format!(" {:.1e}", p.relmse));
         sheet.text(x, y, &format!("{}{error}", curve.method));
-        sheet.picture(x, y + LINE, &shrink(&curve.image));
-        sheet.picture(x, y + LINE + h + GAP, &shrink(&curve.heat_image()));
+        sheet.picture(x, y + LINE, &fit(&curve.image));
+        sheet.picture(x, y + LINE + h + GAP, &fit(&curve.heat_image()));
     }
     Image::from_rgb(width, height, &sheet.pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_pictures_are_enlarged_and_large_ones_shrunk() {
+        let image = |width: u32, height: u32| {
+            let pixels: Vec<[f32; 3]> = (0..width * height).map(|i| [(i % width) as f32 / width as f32; 3]).collect();
+            Image::from_rgb(width, height, &pixels)
+        };
+        for (width, height) in [(1, 1), (48, 36), (271, 3), (272, 3), (360, 10), (4000, 20)] {
+            let (w, h, pixels) = fit(&image(width, height));
+            assert!((LEAST_WIDTH..=2 * LEAST_WIDTH).contains(&w) && pixels.len() as u32 == w * h, "{width} to {w}");
+            assert!((pixels[(w - 1) as usize][0] - (width - 1) as f32 / width as f32).abs() < 0.01);
+        }
+    }
 }

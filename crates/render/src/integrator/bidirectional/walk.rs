@@ -11,7 +11,7 @@ use crate::integrator::emission::Emission;
 use crate::integrator::light_sampling::{context, visibility, visibility_in_medium};
 use crate::light::{Light, LightContext, LightSample};
 use crate::material::Scatter;
-use crate::math::{Vec3, fns};
+use crate::math::{Vec3, fns, warp::UNIFORM_SPHERE_PDF};
 use crate::medium::MediumStack;
 use crate::sampler::HashRng;
 use crate::scene::{Scene, Surface};
@@ -271,7 +271,16 @@ impl Bidirectional {
     ) -> Option<LightStart> {
         walk.clear();
         let sampler = self.emission.as_ref()?;
-        let (u_light, u_position, u_direction) = (numbers.next_1d(), numbers.next_2d(), numbers.next_2d());
+        let (mut u_light, u_position, u_direction) = (numbers.next_1d(), numbers.next_2d(), numbers.next_2d());
+        let mut rng = if scene.has_media { numbers.rng() } else { HashRng::default() };
+        if let Some(start) = sampler.sample_medium(scene, &mut u_light, (u_position, u_direction), &mut rng) {
+            let start = start?;
+            let edge = FirstEdge::Light { pdf: UNIFORM_SPHERE_PDF, cos: 1.0, is_delta: false };
+            self.walk(scene, start.ray, start.power, edge, start.media, longest, numbers, walk);
+            // Only methods without other ways to make the path come here: densities do not matter.
+            let joint = Joint { light: 1.0, camera: walk.start_other, connectible: true, in_medium: true };
+            return Some(LightStart { group: 0, joint, delta: false });
+        }
         let emission = sampler.sample(scene, u_light, u_position, u_direction)?;
         let light = &scene.lights[emission.light as usize];
         let has_surface = matches!(light, Light::Area(_));
