@@ -123,6 +123,8 @@ pub struct Estimate {
     pub splats: Vec<Splat>,
     /// Asks for the texture coordinates of what the camera sees first; integrators to which they come free ignore it.
     pub wants_uv: bool,
+    /// What the camera sees first is not asked for; integrators to which it comes free ignore that.
+    pub forgoes_first: bool,
     /// Asks for the radiance in the numbers of a classic scene's working space; others know linear light only and ignore it.
     pub wants_own: bool,
     /// The radiance (but not that of groups) is in such numbers.
