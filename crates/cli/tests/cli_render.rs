@@ -239,7 +239,7 @@ fn time_and_noise_stop() {
     assert!(samples(&dir.path("time.exr")) >= 1.0);
     dir.ok("render scene.xml --time 1h --spp 2 -o both.exr --aov samples");
     assert_eq!(samples(&dir.path("both.exr")), 2.0);
-    let [loose, tight] = [0.2, 0.06].map(|noise| {
+    let [loose, tight] = [0.2, 0.03].map(|noise| {
         dir.ok(&format!("render scene.xml --noise {noise} -o noise.exr --aov samples,variance"));
         let image = Image::load(&dir.path("noise.exr")).unwrap();
         // The stated error, from the file: relative, as in `Film::relative_error`.

@@ -104,7 +104,6 @@ impl Integrator for Path {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         self.splits = None;
         if self.max_splits > 1 && self.max_depth > 1 {
-            (stage.progress)("planning paths", 0.0);
             self.splits = Some(Splits::plan(self, scene, stage, self.max_splits));
         }
         Ok(())
