@@ -38,6 +38,14 @@ impl Vcm {
     pub fn new(max_depth: u32, rr_depth: u32, initial_radius: Option<f32>) -> Self {
         Self { shared: Bidirectional::new(max_depth, rr_depth), initial_radius, stored: StoredWalks::default(), radius: 0.0 }
     }
+
+    /// As [`Self::new`], but paths from the lights are not connected to the camera: no sample lights other pixels than its own. Merging
+    /// finds the same light, but for what lights of no size send through glass into media.
+    pub fn without_splats(max_depth: u32, rr_depth: u32, initial_radius: Option<f32>) -> Self {
+        let mut vcm = Self::new(max_depth, rr_depth, initial_radius);
+        vcm.shared.techniques.to_camera = false;
+        vcm
+    }
 }
 
 impl Integrator for Vcm {
@@ -69,7 +77,7 @@ impl Integrator for Vcm {
     }
 
     fn splats(&self) -> bool {
-        true
+        self.shared.techniques.to_camera
     }
 
     fn notes(&self) -> Vec<String> {
