@@ -17,6 +17,7 @@
 use rayon::prelude::*;
 
 use super::photon_settings::{PhotonSettings, check};
+use super::sppm::PHOTONS as PHOTONS_OF_PASS;
 use super::{Estimate, Integrator, Path, PathMap, Sppm, Stage, Vcm};
 use crate::camera::CameraRay;
 use crate::math::Vec2;
@@ -96,43 +97,23 @@ impl Method {
 /// The method that a pilot finds best.
 pub struct Auto {
     path: Path,
-    sppm: Sppm,
-    path_map: PathMap,
-    vcm: Vcm,
     settings: PhotonSettings,
-    chosen: Method,
+    chosen: Box<dyn Integrator>,
     notes: Vec<String>,
 }
 
 impl Auto {
-    /// The methods to choose from.
+    /// The path tracer, and the settings of the other methods.
     pub fn new(path: Path, photons: PhotonSettings) -> Self {
-        Self {
-            path_map: PathMap::new(path, photons.clone()),
-            path,
-            sppm: Sppm::new(photons.clone()),
-            vcm: Vcm::without_splats(photons.depth(), photons.rr_depth, photons.radius),
-            settings: photons,
-            chosen: Method::Path,
-            notes: Vec::new(),
-        }
+        Self { path, settings: photons, chosen: Box::new(path), notes: Vec::new() }
     }
 
-    fn method(&self, method: Method) -> &dyn Integrator {
+    fn create(&self, method: Method, settings: PhotonSettings) -> Box<dyn Integrator> {
         match method {
-            Method::Path => &self.path,
-            Method::Sppm => &self.sppm,
-            Method::PathMap => &self.path_map,
-            Method::Vcm => &self.vcm,
-        }
-    }
-
-    fn method_mut(&mut self, method: Method) -> &mut dyn Integrator {
-        match method {
-            Method::Path => &mut self.path,
-            Method::Sppm => &mut self.sppm,
-            Method::PathMap => &mut self.path_map,
-            Method::Vcm => &mut self.vcm,
+            Method::Path => Box::new(self.path),
+            Method::Sppm => Box::new(Sppm::new(settings)),
+            Method::PathMap => Box::new(PathMap::new(self.path, settings)),
+            Method::Vcm => Box::new(Vcm::without_splats(settings.depth(), settings.rr_depth, settings.radius)),
         }
     }
 
@@ -153,47 +134,43 @@ impl Auto {
         if all > 0.0 { focused / all } else { 0.0 }
     }
 
-    /// Renders the grid by a method.
-    fn try_method(&mut self, method: Method, scene: &Scene, stage: &Stage) -> Result<Means, String> {
-        let mut pilot = Pilot::default();
-        let what = format!("trying {}", method.name());
-        if method == Method::Path {
-            for half in 0..2 {
-                (stage.progress)(&what, 0.5 * f64::from(half));
-                pilot.add(scene, &self.path, stage, half, half * PATHS / 2..(half + 1) * PATHS / 2);
-            }
-        } else {
-            let small = Stage { size: [2 * GRID as u32; 2], ..*stage };
-            self.method_mut(method).prepare(scene, &small)?;
-            for pass in 0..PASSES {
-                if (stage.is_cancelled)() {
-                    break;
-                }
-                (stage.progress)(&what, f64::from(pass) / f64::from(PASSES));
-                self.method_mut(method).begin_pass(scene, pass, pass + 1, &small)?;
-                pilot.add(scene, self.method(method), stage, pass * 2 / PASSES, pass..pass + 1);
-            }
+    /// Renders the grid by a method, with so many photons in a pass.
+    fn try_method(&self, method: Method, photons: u32, scene: &Scene, stage: &Stage) -> Result<Means, String> {
+        let mut trial = self.create(method, PhotonSettings { photons: Some(photons), ..self.settings.clone() });
+        let small = Stage { size: [2 * GRID as u32; 2], ..*stage };
+        if method != Method::Path {
+            trial.prepare(scene, &small)?;
         }
-        Ok(pilot.means(method.samples() / 2))
+        let (mut pilot, samples) = (Pilot::default(), method.samples());
+        let half = samples / 2;
+        let mut first = 0;
+        while first < samples && !(stage.is_cancelled)() {
+            (stage.progress)(&format!("trying {}", method.name()), f64::from(first) / f64::from(samples));
+            let end = (first + trial.pass_limit().clamp(1, half)).min((first / half + 1) * half);
+            trial.begin_pass(scene, first, end, &small)?;
+            pilot.add(scene, &*trial, stage, first / half, first..end);
+            first = end;
+        }
+        Ok(pilot.means(half))
     }
 
     /// Tries the methods; returns each one's error at equal cost.
-    fn errors(&mut self, scene: &Scene, stage: &Stage) -> Result<Vec<(Method, f64)>, String> {
+    fn errors(&self, scene: &Scene, stage: &Stage) -> Result<Vec<(Method, f64)>, String> {
         let pixels = stage.size[0].saturating_mul(stage.size[1]).max(1);
-        let photons = self.settings.photons.unwrap_or(pixels.clamp(super::sppm::PHOTONS[0], super::sppm::PHOTONS[1]));
-        let photons = f64::from(photons) / f64::from(pixels);
-        let by_photons = self.try_method(Method::Sppm, scene, stage)?;
-        let error_of = |method: Method, means: &Means| means.error(&by_photons, method.samples()) * method.cost(photons);
-        let mut errors = vec![(Method::Sppm, error_of(Method::Sppm, &by_photons))];
+        let photons = self.settings.photons.unwrap_or(pixels.clamp(PHOTONS_OF_PASS[0], PHOTONS_OF_PASS[1]));
+        let attempt = |method| self.try_method(method, photons.min(PHOTONS_OF_PASS[0]), scene, stage);
+        let by_photons = attempt(Method::Sppm)?;
+        let error = |method: Method, means: &Means| {
+            let cost = method.cost(f64::from(photons) / f64::from(pixels));
+            (method, means.error(&by_photons, method.samples()) * cost)
+        };
+        let mut errors = vec![error(Method::Sppm, &by_photons)];
         for method in [Method::Path, Method::PathMap] {
-            let means = self.try_method(method, scene, stage)?;
-            errors.push((method, error_of(method, &means)));
+            errors.push(error(method, &attempt(method)?));
         }
-        if best(&errors) != Method::Path && !scene.has_media {
+        if best(&errors) != Method::Path && !scene.has_media && self.settings.memory >= Vcm::MEMORY {
             // Where it cannot be prepared the others still can.
-            if let Ok(means) = self.try_method(Method::Vcm, scene, stage) {
-                errors.push((Method::Vcm, error_of(Method::Vcm, &means)));
-            }
+            errors.extend(attempt(Method::Vcm).ok().map(|means| error(Method::Vcm, &means)));
         }
         Ok(errors)
     }
@@ -224,7 +201,7 @@ fn compared(errors: &[(Method, f64)], chosen: Method) -> String {
 
 impl Integrator for Auto {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
-        self.chosen = Method::Path;
+        let mut chosen = Method::Path;
         let focused = self.focused_share(scene, stage);
         let percent = focused * 100.0;
         let why = if focused < LEAST_FOCUSED || (stage.is_cancelled)() {
@@ -233,27 +210,28 @@ impl Integrator for Auto {
             format!("{percent:.2}% of the light is focused, but media emit where photons cannot start")
         } else {
             let errors = self.errors(scene, stage)?;
-            self.chosen = best(&errors);
-            format!("{percent:.2}% of the light is focused by mirrors or glass, and {}", compared(&errors, self.chosen))
+            chosen = best(&errors);
+            format!("{percent:.2}% of the light is focused by mirrors or glass, and {}", compared(&errors, chosen))
         };
-        self.notes = vec![format!("auto: {}{}; {why}", self.chosen.name(), self.chosen.bias())];
-        self.method_mut(self.chosen).prepare(scene, stage)
+        self.notes = vec![format!("auto: {}{}; {why}", chosen.name(), chosen.bias())];
+        self.chosen = self.create(chosen, self.settings.clone());
+        self.chosen.prepare(scene, stage)
     }
 
     fn pass_limit(&self) -> u32 {
-        self.method(self.chosen).pass_limit()
+        self.chosen.pass_limit()
     }
 
     fn begin_pass(&mut self, scene: &Scene, first: u32, end: u32, stage: &Stage) -> Result<(), String> {
-        self.method_mut(self.chosen).begin_pass(scene, first, end, stage)
+        self.chosen.begin_pass(scene, first, end, stage)
     }
 
     fn notes(&self) -> Vec<String> {
-        self.notes.iter().cloned().chain(self.method(self.chosen).notes()).collect()
+        self.notes.iter().cloned().chain(self.chosen.notes()).collect()
     }
 
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
-        self.method(self.chosen).estimate(scene, camera_ray, stream, out);
+        self.chosen.estimate(scene, camera_ray, stream, out);
     }
 }
 

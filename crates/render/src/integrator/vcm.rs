@@ -33,6 +33,9 @@ pub struct Vcm {
 }
 
 impl Vcm {
+    /// Bytes that the kept walks take at most, about.
+    pub(super) const MEMORY: u64 = 400 << 20;
+
     /// Paths of at most `max_depth` scattering events; Russian roulette may end a walk after `rr_depth` of its own. The radius of merging
     /// starts at `initial_radius` in scene units, or at one that fits the scene.
     pub fn new(max_depth: u32, rr_depth: u32, initial_radius: Option<f32>) -> Self {
