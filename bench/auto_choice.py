@@ -49,10 +49,10 @@ def reference_of(path: Path) -> np.ndarray | None:
     return small
 
 
-def chosen(command: str, scene: Path) -> str:
+def chosen(command: str, scene: Path, out: Path) -> str:
     """Return what `auto` says that it chose."""
     size = ["--width", str(SIZE[0]), "--height", str(SIZE[1])]
-    run = [command, "render", str(scene), "--integrator", "auto", "--spp", "1", *size, "-o", str(scene.parent / "chosen.pfm")]
+    run = [command, "render", str(scene), "--integrator", "auto", "--spp", "1", "--seed", "1", *size, "-o", str(out)]
     text = subprocess.run(run, check=True, capture_output=True, text=True)
     found = re.search(r"auto: ([^;,]*)", text.stderr + text.stdout)
     name = found.group(1) if found else "?"
@@ -80,20 +80,20 @@ def main() -> None:
                 scenes.append((name, path, without))
             scenes += [(Path(p).stem, Path(p), None) for p in OWN]
         for name, path, other in scenes:
-            runner = Runner(args.etendue, path, [], SIZE)
-            runner.out = Path(folder) / "out.pfm"
+            out = Path(folder) / "out.pfm"
+            runner = Runner(args.etendue, path, [], SIZE, out)
             reference = reference_of(path)
             if reference is None:
                 reference, _ = to_seconds(runner, "bdpt", args.seconds * args.reference, 99)
             mask = np.ones(reference.shape[:2], bool)
             if other:
                 seen, _ = runner.render("normals", 16, 0)
-                mask = (seen == Runner(args.etendue, other, [], SIZE).render("normals", 16, 0)[0]).all(-1)
+                mask = (seen == Runner(args.etendue, other, [], SIZE, out).render("normals", 16, 0)[0]).all(-1)
             errors = []
             for method in METHODS:
                 found = [to_seconds(runner, method, args.seconds, seed) for seed in (1, 2)]
                 errors.append(float(np.mean([relmse(p[mask], reference[mask]) * used / args.seconds for p, used in found])))
-            cells = [f"{e:.3g}" for e in errors] + [chosen(args.etendue, path), f"{errors[-1] / min(errors[:-1]):.2f}"]
+            cells = [f"{e:.3g}" for e in errors] + [chosen(args.etendue, path, out), f"{errors[-1] / min(errors[:-1]):.2f}"]
             sys.stdout.write(f"| {name} | " + " | ".join(cells) + " |\n")
             sys.stdout.flush()
     sys.stderr.write(f"{cpu_seconds():.0f} CPU seconds\n")

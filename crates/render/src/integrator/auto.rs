@@ -36,9 +36,6 @@ const BLOCK: usize = 6;
 /// Samples of each pixel, in two halves.
 const PATHS: u32 = 32;
 const PASSES: u32 = 8;
-/// Methods with a bias, which only shrinks, have to be better than path tracing by this factor. Not by more: the pilot finds few of the
-/// bright paths that make most of path tracing's noise.
-const MARGIN: f64 = 1.5;
 /// The pilot's random numbers are not those of the picture.
 const PILOT_SEED: u64 = 0x9E37_79B9_7F4A_7C15;
 
@@ -88,9 +85,15 @@ impl Method {
         }
     }
 
-    /// By how much it has to be better.
+    /// Methods with a bias, which only shrinks, have to be better than path tracing by a factor. `sppm` not by much: the pilot finds few
+    /// of the bright paths that make most of path tracing's noise. Those that trace paths as well make that noise themselves, and their
+    /// fewer samples show less of it; where they are of use it is by much more.
     fn margin(self) -> f64 {
-        if self == Self::Path { 1.0 } else { MARGIN }
+        match self {
+            Self::Path => 1.0,
+            Self::Sppm => 1.5,
+            Self::PathMap | Self::Vcm => 3.0,
+        }
     }
 }
 
@@ -176,25 +179,32 @@ impl Auto {
     }
 }
 
-/// The method of the least error, biased ones with their margin.
+fn least(errors: impl Iterator<Item = (Method, f64)>) -> Method {
+    errors.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(Method::Path, |e| e.0)
+}
+
+fn error_of(errors: &[(Method, f64)], method: Method) -> f64 {
+    errors.iter().find(|e| e.0 == method).map_or(f64::INFINITY, |e| e.1.max(1e-300))
+}
+
+/// The method of the least error of those that are enough better than path tracing.
 fn best(errors: &[(Method, f64)]) -> Method {
-    let with_margin = |(method, error): &(Method, f64)| error * method.margin();
-    errors.iter().min_by(|a, b| with_margin(a).total_cmp(&with_margin(b))).map_or(Method::Path, |e| e.0)
+    let of_path = error_of(errors, Method::Path);
+    least(errors.iter().copied().filter(|(method, error)| *method == Method::Path || error * method.margin() < of_path))
 }
 
 /// What the pilot says, for the user.
 fn compared(errors: &[(Method, f64)], chosen: Method) -> String {
-    let of = |method| errors.iter().find(|e| e.0 == method).map_or(0.0, |e| e.1.max(1e-300));
-    let others: Vec<_> = errors.iter().copied().filter(|e| e.0 != chosen).collect();
-    let next = best(&others);
+    let next = least(errors.iter().copied().filter(|e| e.0 != chosen));
+    let of = |method| error_of(errors, method);
     let ratio = of(next) / of(chosen);
     let mut text = if ratio >= 1.0 {
         format!("it has {ratio:.1} times less noise at equal cost in a pilot than {}, the next best", next.name())
     } else {
-        format!("{} has {:.1} times less noise at equal cost in a pilot: too little to make up for its bias", next.name(), 1.0 / ratio)
+        format!("{} has {:.1} times less noise at equal cost in a pilot, too little to rely on", next.name(), 1.0 / ratio)
     };
     if chosen != Method::Path && next != Method::Path {
-        text += &format!(", and {:.1} times less than path tracing", of(Method::Path) / of(chosen));
+        text += &format!("; {:.1} times less than path tracing", of(Method::Path) / of(chosen));
     }
     text
 }
@@ -332,5 +342,16 @@ mod tests {
         let pixels: Vec<f64> = (0..GRID * GRID).map(|i| block_of(i) as f64).collect();
         let means = block_means(&pixels);
         assert!(means.iter().enumerate().all(|(b, m)| (m - b as f64).abs() < 1e-9));
+    }
+    #[test]
+    fn biased_methods_need_their_margin() {
+        use Method::{Path, PathMap, Sppm, Vcm};
+        assert_eq!(best(&[(Sppm, 1.0), (Path, 1.4), (PathMap, 0.9)]), Path);
+        assert_eq!(best(&[(Sppm, 1.0), (Path, 1.6), (PathMap, 0.9)]), Sppm);
+        assert_eq!(best(&[(Sppm, 1.0), (Path, 2.8), (PathMap, 0.9)]), PathMap);
+        assert_eq!(best(&[(Sppm, 1.0), (Path, 2.8), (PathMap, 0.9), (Vcm, 0.8)]), Vcm);
+        assert_eq!(best(&[(Sppm, f64::NAN), (Path, 1.0), (PathMap, f64::INFINITY)]), Path);
+        assert!(compared(&[(Sppm, 1.0), (Path, 1.4)], Path).contains("1.4 times less noise at equal cost in a pilot, too little"));
+        assert!(compared(&[(Sppm, 1.0), (Path, 6.0), (PathMap, 2.0)], Sppm).contains("2.0 times"));
     }
 }
