@@ -28,6 +28,8 @@ class RenderSettings(TypedDict, total=False):
     """Longest path in edges from the camera; 0 shows lights only, 1 direct light."""
     rr_depth: int | None
     """Path length from which Russian roulette may end a path."""
+    max_splits: int | None
+    """Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one."""
     light_sampler: str | None
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None

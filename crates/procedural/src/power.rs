@@ -30,6 +30,10 @@ fn two_sum(a: f64, b: f64) -> (f64, f64) {
 /// `x` to the power of `y`, with the special cases of IEEE 754 `pow`.
 #[inline]
 pub fn pow(x: f64, y: f64) -> f64 {
+    // Squares of distances, the most frequent of all.
+    if y == 2.0 {
+        return x * x;
+    }
     let bits = x.to_bits();
     // Positive, normal and finite; the difference is less than half of all numbers.
     if bits.wrapping_sub(1 << 52) >= (0x7ff << 52) - (1 << 52) {
@@ -69,6 +73,34 @@ pub fn pow(x: f64, y: f64) -> f64 {
     (base + base * series) * scale
 }
 
+/// `x` to the power of `y` to about 1e-11 (times `y`, where that is large), in half of the time: for light, of which pictures keep seven
+/// digits at most.
+#[inline]
+pub fn pow_about(x: f64, y: f64) -> f64 {
+    let bits = x.to_bits();
+    if bits.wrapping_sub(1 << 52) >= (0x7ff << 52) - (1 << 52) {
+        return pow(x, y);
+    }
+    let index = (bits >> 45 & 127) as usize;
+    let halved = u64::from(index >= SPLIT);
+    let k = ((bits >> 52) + halved) as i64 - 1023;
+    let m = f64::from_bits(bits & ((1 << 52) - 1) | (1023 - halved) << 52);
+    let [c, log_high, _] = LOG[index];
+    let r = m * c - 1.0;
+    let series = r - r * r * (0.5 - r * (1.0 / 3.0 - r * (0.25 - r * 0.2)));
+    let product = y * (k as f64 * (LN2[0] + LN2[1]) + log_high + series);
+    if !(product.abs() < 700.0) {
+        return pow(x, y);
+    }
+    let n = (product * STEPS + ROUND) - ROUND;
+    let s = product - n * (STEP[0] + STEP[1]);
+    let n = n as i64;
+    let base = EXP[(n & 127) as usize][0];
+    let series = s * (1.0 + s * (0.5 + s * (1.0 / 6.0 + s * (1.0 / 24.0))));
+    let scale = f64::from_bits(((n >> 7) + 1023) as u64 * (1 << 52));
+    (base + base * series) * scale
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -76,6 +108,23 @@ mod tests {
     /// Units of the last place between two numbers.
     fn ulps(a: f64, b: f64) -> u64 {
         (a.to_bits() as i64).abs_diff(b.to_bits() as i64)
+    }
+
+    #[test]
+    fn about_is_near() {
+        for i in 0..20_000 {
+            let x = libm::exp(f64::from(i) * 1e-3 - 18.0);
+            for y in [0.4, 0.88, 1.0 / 2.4, 2.2, 2.4, 40.0, -3.0] {
+                let (a, b) = (pow_about(x, y), pow(x, y));
+                assert!((a - b).abs() <= 1e-11 * y.abs().max(1.0) * b, "{x}^{y}: {a} is not {b}");
+            }
+        }
+        for x in [0.0, 1.0, -1.0, f64::INFINITY, f64::NAN, 1e-310, 1e300] {
+            for y in [0.0, 2.5, -2.5, 1e300, f64::NAN] {
+                let (a, b) = (pow_about(x, y), pow(x, y));
+                assert!(a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan() || (a - b).abs() < 1e-9 * b, "{x}^{y}: {a} is not {b}");
+            }
+        }
     }
 
     #[test]

@@ -193,7 +193,7 @@ fn with_isa(isa: Option<IsaKind>) -> Film {
     if let Some(isa) = isa {
         scene.accel = scene.accel.with_isa(isa);
     }
-    finish(session_of(scene, Box::new(Path { max_depth: 6, rr_depth: 4, equiangular: true }), &s), &s)
+    finish(session_of(scene, Box::new(Path::new(6, 4)), &s), &s)
 }
 
 #[test]

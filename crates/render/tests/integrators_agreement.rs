@@ -198,3 +198,27 @@ fn filters_keep_the_light_of_a_picture() {
         assert_same(&format!("filter {filter}"), &blocks, &blocks.known(expected), 2e-3, 0.01);
     }
 }
+
+/// Paths that split bring the same light as those that do not: among glossy balls, behind a mask and in fog. And they bring it with less
+/// noise for each camera ray.
+#[test]
+fn split_paths_agree_with_single_ones() {
+    let mut masked = room();
+    let white = diffuse(&mut masked, 0.7);
+    let mask = bsdf(&mut masked, BsdfDesc::Mask { nested: white, opacity: Param::Constant(0.5) });
+    shape(&mut masked, GeometryDesc::Rectangle, look_at(Vec3::new(0.3, -1.5, 1.0), Vec3::new(1.0, -5.0, 2.0)), Some(mask));
+    let mut foggy = room();
+    let phase = PhaseDesc::HenyeyGreenstein { g: 0.3 };
+    let fog = add(&mut foggy, MediumDesc::Homogeneous { sigma_a: [0.02; 3], sigma_s: [0.08; 3], emission: [0.0; 3], phase });
+    foggy.cameras[0].value.medium = Some(fog);
+    for (name, desc) in [("a room", room()), ("a mask", masked), ("fog", foggy)] {
+        let with = |max_splits, first_seed| {
+            let s = RenderSettings { max_splits: Some(max_splits), max_depth: Some(8), ..base(48) };
+            Blocks::new(&films(&desc, &s, first_seed), 8)
+        };
+        let (split, single) = (with(16, 40), with(1, 50));
+        assert_same(&format!("split paths in {name}"), &split, &single, 0.0, 0.1);
+        let variance = |b: &Blocks| b.variance.iter().flatten().sum::<f64>();
+        assert!(variance(&split) < 0.95 * variance(&single), "{name}: {} instead of {}", variance(&split), variance(&single));
+    }
+}

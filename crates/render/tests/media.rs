@@ -368,7 +368,8 @@ fn equiangular_sampling_changes_the_noise_only() {
 fn by_technique(desc: &SceneDesc, settings: &RenderSettings, equiangular: bool, max_depth: u32) -> Blocks {
     let film = |seed| {
         let s = RenderSettings { seed, ..settings.clone() };
-        let path = etendue_render::integrator::Path { max_depth, rr_depth: 4, equiangular };
+        let mut path = etendue_render::integrator::Path::new(max_depth, 4);
+        path.equiangular = equiangular;
         finish(session_of(compile(desc, &s), Box::new(path), &s), &s)
     };
     Blocks::new(&(0..4).map(film).collect::<Vec<Film>>(), 4)

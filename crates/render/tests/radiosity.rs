@@ -349,7 +349,7 @@ impl SelectOne for glam::BVec3 {
 fn all_methods_agree_with_path_tracing_in_a_room() {
     let mut desc = room();
     let scene = compiled(&mut desc);
-    let path = Path { max_depth: u32::MAX, rr_depth: 4, equiangular: true };
+    let path = Path::new(u32::MAX, 4);
     let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 1 };
     let mut out = Estimate::default();
     // Reflected radiance over reflectance, times π, is irradiance; none of the regions emits.

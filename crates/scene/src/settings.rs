@@ -27,6 +27,8 @@ params! {
         max_depth: Option<u32> = None, "integer", "edges";
         /// Path length from which Russian roulette may end a path.
         rr_depth: Option<u32> = None, "integer", "edges";
+        /// Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one.
+        max_splits: Option<u32> = None, "integer", "paths";
         /// Which lights next-event estimation chooses: bvh, power, uniform.
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.

@@ -34,7 +34,7 @@ pub(super) fn iridescence(film: &Irid, light: f64, view: f64, wavelengths: DVec3
 ///
 /// `diffuse · cos^brilliance`; with `albedo` the amount is the total reflectance, of which the peak is (brilliance + 1) / 2 (measured).
 pub(super) fn diffuse(finish: &Finish, amount: f64, cos: f64) -> f64 {
-    let cosine = if finish.brilliance == 1.0 { cos } else { fns::pow(cos, finish.brilliance) };
+    let cosine = if finish.brilliance == 1.0 { cos } else { fns::pow_about(cos, finish.brilliance) };
     let peak = if finish.diffuse_albedo { 0.5 * (finish.brilliance + 1.0) } else { 1.0 };
     amount * peak * cosine
 }
@@ -65,10 +65,10 @@ pub(super) fn highlights(finish: &Finish, n: DVec3, light: DVec3, view: DVec3) -
     sum
 }
 
-/// cos^e for 0 < cos ≤ 1, without the power where it is below 1e−13, as on most of a surface.
+/// cos^e for 0 < cos ≤ 1, without the power where it is below 1e−7, as on most of a surface.
 fn narrow(cos: f64, e: f64) -> f64 {
     // ln cos ≤ cos − 1.
-    if e * (1.0 - cos) > 30.0 { 0.0 } else { fns::pow(cos, e) }
+    if e * (1.0 - cos) > 16.0 { 0.0 } else { fns::pow_about(cos, e) }
 }
 
 /// Color of metallic highlights and reflections: the pigment along the normal, white at grazing angles, by Strauss's approximation of
@@ -106,7 +106,7 @@ pub(super) fn reflectance(r: &Reflection, cos: f64, ior: f64, pigment: DVec3) ->
     } else if r.min == r.max {
         1.0
     } else {
-        fns::pow((1.0 - cos).clamp(0.0, 1.0), r.falloff)
+        fns::pow_about((1.0 - cos).clamp(0.0, 1.0), r.falloff)
     };
     (r.min + (r.max - r.min) * share) * metallic(pigment, r.metallic, cos)
 }

@@ -38,7 +38,7 @@ impl WorkingSpace {
     pub fn linear(self, v: f64) -> f64 {
         match self {
             Self::Linear => v,
-            Self::Power(g) => fns::pow(v.abs(), g).copysign(v),
+            Self::Power(g) => fns::pow_about(v.abs(), g).copysign(v),
             Self::Srgb => linear_from_srgb(v),
         }
     }
@@ -52,7 +52,7 @@ impl WorkingSpace {
     pub fn from_linear(self, v: f64) -> f64 {
         match self {
             Self::Linear => v,
-            Self::Power(g) => fns::pow(v.abs(), 1.0 / g).copysign(v),
+            Self::Power(g) => fns::pow_about(v.abs(), 1.0 / g).copysign(v),
             Self::Srgb => srgb_from_linear(v),
         }
     }
@@ -61,13 +61,13 @@ impl WorkingSpace {
 /// A linear value from an sRGB one; odd for negative ones.
 pub(super) fn linear_from_srgb(v: f64) -> f64 {
     let a = v.abs();
-    (if a <= 0.040_45 { a / 12.92 } else { fns::pow((a + 0.055) / 1.055, 2.4) }).copysign(v)
+    (if a <= 0.040_45 { a / 12.92 } else { fns::pow_about((a + 0.055) / 1.055, 2.4) }).copysign(v)
 }
 
 /// An sRGB value from a linear one; odd for negative ones.
 pub(super) fn srgb_from_linear(v: f64) -> f64 {
     let a = v.abs();
-    (if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * fns::pow(a, 1.0 / 2.4) - 0.055 }).copysign(v)
+    (if a <= 0.003_130_8 { a * 12.92 } else { 1.055 * fns::pow_about(a, 1.0 / 2.4) - 0.055 }).copysign(v)
 }
 
 #[cfg(test)]

@@ -233,6 +233,9 @@ impl ClassicWorld {
 }
 
 fn exponential(v: DVec3) -> DVec3 {
+    if v.x == v.y && v.x == v.z {
+        return DVec3::splat(if v.x == 0.0 { 1.0 } else { fns::exp(v.x) });
+    }
     DVec3::new(fns::exp(v.x), fns::exp(v.y), fns::exp(v.z))
 }
 

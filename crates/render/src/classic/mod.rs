@@ -159,7 +159,7 @@ impl ClassicWorld {
     pub fn estimate(&self, picture: DVec2, lens: DVec2, max_level: Option<u32>, stream: &mut SampleStream, out: &mut Estimate) {
         let Some(line) = self.rays.line(self, picture, lens) else { return };
         let mut tracer = Tracer::new(self, stream, max_level);
-        tracer.wants_uv = out.wants_uv;
+        (tracer.wants_first, tracer.wants_uv) = (!out.forgoes_first, out.wants_uv);
         let traced = tracer.camera_ray(line, self.rays.max_distance());
         let spectrum = |c: DVec3| Spectrum::from_rgb([c.x as f32, c.y as f32, c.z as f32]);
         let is_own = out.wants_own && out.groups.len() <= 1;

@@ -225,7 +225,7 @@ impl ClassicWorld {
                 };
                 let power = (power * color).as_vec3().max(Vec3::ZERO);
                 if power.is_finite() && power != Vec3::ZERO && hit.p.as_vec3().is_finite() {
-                    let (from, ng) = ((-going.line.d).as_vec3(), hit.ng.as_vec3());
+                    let (from, ng) = ((-going.line.d).as_vec3(), self.world.geometric_normal(&hit).as_vec3());
                     kept.push(Photon::new(hit.p.as_vec3(), from, ng, Spectrum::from_rgb(power.to_array()), 0, 1, Route::Caustic));
                 }
             }

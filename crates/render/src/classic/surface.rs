@@ -49,8 +49,9 @@ struct Place<'a, 'h> {
     n: DVec3,
     /// Towards the viewer.
     view: DVec3,
-    /// Lights and their colors here, once they are known: direction and color.
-    lights: Option<Few<Lit>>,
+    /// Lights and their colors here, once they are known.
+    lights: Few<Lit>,
+    knows_lights: bool,
     /// Light of surfaces around, once it is known.
     around: Option<DVec3>,
     /// Light of photons, once it is known.
@@ -87,7 +88,7 @@ impl<'a> Tracer<'a, '_> {
                 stacks.push(Stacked { weight: weight * share, layers, p: at.p, normal: at.normal, uv: at.uv });
             });
         });
-        if ray.depth == 0 && self.first.is_none() {
+        if ray.depth == 0 && self.wants_first && self.first.is_none() {
             self.first = Some(First {
                 p: hit.p,
                 n,
@@ -97,7 +98,7 @@ impl<'a> Tracer<'a, '_> {
                 leaf: hit.leaf,
             });
         }
-        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: None, around: None, photons: None };
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: Few::new(), knows_lights: false, around: None, photons: None };
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for stack in stacks.iter() {
             let traced = self.stack(&mut place, stack);
@@ -171,7 +172,7 @@ impl<'a> Tracer<'a, '_> {
             color += self.mirrored(place, n, ray.weight);
             passing = DVec3::ZERO;
         }
-        for (share, n, finish) in mirrors {
+        for &(share, n, finish) in &mirrors {
             let seen = self.mirrored(place, n, ray.weight * peak(share.abs()));
             color += share * reflected(&finish.reflection, seen);
         }
@@ -209,8 +210,8 @@ impl<'a> Tracer<'a, '_> {
         if unseen || !shines && !scatters {
             return DVec3::ZERO;
         }
-        if place.lights.is_none() {
-            place.lights = Some(self.lights(place.hit, place.n));
+        if !place.knows_lights {
+            self.lights(place);
         }
         let photons = match (&self.world.photons, place.photons) {
             (None, _) => DVec3::ZERO,
@@ -218,13 +219,12 @@ impl<'a> Tracer<'a, '_> {
             (Some(photons), None) => photons.light(place.hit.p, place.n),
         };
         place.photons = Some(photons);
-        let Some(lights) = place.lights.take() else { return DVec3::ZERO };
         let both = place.hit.object.double_illuminate;
         let mut sum = if scatters { photons * pigment.rgb * (finish.diffuse * opacity) } else { DVec3::ZERO };
         let settings = self.world.settings();
         let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
         let wavelengths = settings.irid_wavelength;
-        for light in lights.iter() {
+        for light in place.lights.iter() {
             let cos = n.dot(light.d);
             let front = light.d.dot(place.n) > 0.0;
             let mut answer = DVec3::ZERO;
@@ -253,16 +253,16 @@ impl<'a> Tracer<'a, '_> {
             }
             sum += answer;
         }
-        place.lights = Some(lights);
         sum
     }
 
-    /// All lights that shine on a point, with their colors after shadows.
-    fn lights(&mut self, hit: &SolidHit<'a>, n: DVec3) -> Few<Lit> {
-        let world: &'a ClassicWorld = self.world;
+    /// Finds all lights that shine on a place, with their colors after shadows.
+    fn lights(&mut self, place: &mut Place<'a, '_>) {
+        place.knows_lights = true;
+        let (world, hit, n): (&'a ClassicWorld, _, _) = (self.world, place.hit, place.n);
+        let lights = &mut place.lights;
         let object = hit.object;
         let set = world.lamps_of_group.get(object.light_group as usize).or(world.lamps_of_group.first());
-        let mut lights = Few::new();
         for lamp in set.into_iter().flatten().filter_map(|&i| world.lamps.get(i as usize)) {
             let highlights = !lamp.light.shadowless;
             let mut add = |d: DVec3, color: DVec3| {
@@ -290,7 +290,6 @@ impl<'a> Tracer<'a, '_> {
                 }
             }
         }
-        lights
     }
 
     /// Whether light from a direction can count: from the viewer's side, or from the other if something there answers.

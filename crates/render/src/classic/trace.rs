@@ -62,6 +62,8 @@ pub(super) struct Tracer<'a, 's> {
     rays: u32,
     pub(super) ray_limit: u32,
     pub(super) first: Option<First>,
+    /// What the camera sees first is asked for.
+    pub(super) wants_first: bool,
     /// Radiosity, where it is on.
     pub(super) gathering: Option<Gathering<'a>>,
     /// Surface coordinates of the first hit are asked for.
@@ -72,7 +74,7 @@ impl<'a, 's> Tracer<'a, 's> {
     pub(super) fn new(world: &'a ClassicWorld, stream: &'s mut SampleStream, max_level: Option<u32>) -> Self {
         let max_level = max_level.unwrap_or(world.settings().max_trace_level).min(256);
         let gathering = world.radiosity.as_ref().map(Gathering::finished);
-        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, gathering, wants_uv: false }
+        Self { world, stream, max_level, rays: 0, ray_limit: RAY_LIMIT, first: None, wants_first: false, gathering, wants_uv: false }
     }
 
     /// Rays followed so far.

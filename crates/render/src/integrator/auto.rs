@@ -99,6 +99,7 @@ impl Method {
 
 /// The method that a pilot finds best.
 pub struct Auto {
+    /// Never prepared: copies of it do not split in the pilot.
     path: Path,
     settings: PhotonSettings,
     chosen: Box<dyn Integrator>,
@@ -108,14 +109,14 @@ pub struct Auto {
 impl Auto {
     /// The path tracer, and the settings of the other methods.
     pub fn new(path: Path, photons: PhotonSettings) -> Self {
-        Self { path, settings: photons, chosen: Box::new(path), notes: Vec::new() }
+        Self { chosen: Box::new(path.clone()), path, settings: photons, notes: Vec::new() }
     }
 
     fn create(&self, method: Method, settings: PhotonSettings) -> Box<dyn Integrator> {
         match method {
-            Method::Path => Box::new(self.path),
+            Method::Path => Box::new(self.path.clone()),
             Method::Sppm => Box::new(Sppm::new(settings)),
-            Method::PathMap => Box::new(PathMap::new(self.path, settings)),
+            Method::PathMap => Box::new(PathMap::new(self.path.clone(), settings)),
             Method::Vcm => Box::new(Vcm::without_splats(settings.depth(), settings.rr_depth, settings.radius)),
         }
     }

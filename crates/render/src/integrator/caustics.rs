@@ -73,7 +73,7 @@ impl Start<'_> {
 /// A way to find caustics.
 pub(super) trait Caustics: Sync {
     /// What it has to know of a path.
-    type Trail;
+    type Trail: Clone;
     /// Whether it finds any: `false` lets the compiler leave all of this out.
     const ON: bool = true;
 

@@ -214,6 +214,14 @@ pub(crate) fn pdf_infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Ve
     if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped_compensated(ctx, wi) } else { 0.0 }
 }
 
+/// The radiance of such a light and [`pdf_infinite`].
+#[inline]
+pub(super) fn infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> (Spectrum, f32) {
+    let (radiance, pdf) = scene.lights[light as usize].escaped_and_pdf_compensated(ctx, wi);
+    // Most directions do not meet the sun.
+    if radiance.is_black() { (radiance, 0.0) } else { (radiance, scene.light_sampler.pmf(ctx, light) * pdf) }
+}
+
 /// [`pdf_infinite`] for [`sample_one_alone`].
 #[inline]
 pub(super) fn pdf_infinite_alone(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {

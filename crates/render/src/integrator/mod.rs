@@ -30,6 +30,7 @@ mod photon_settings;
 mod photon_walk;
 mod radiosity;
 mod raster;
+mod splitting;
 mod sppm;
 mod vcm;
 mod volume;
@@ -98,6 +99,7 @@ pub struct Splat {
 }
 
 /// The last real scattering of a path, which the weights of the light found next refer to.
+#[derive(Clone)]
 struct Vertex {
     ctx: LightContext,
     /// Density of the direction; infinite for the camera and for delta lobes.
@@ -121,6 +123,8 @@ pub struct Estimate {
     pub splats: Vec<Splat>,
     /// Asks for the texture coordinates of what the camera sees first; integrators to which they come free ignore it.
     pub wants_uv: bool,
+    /// What the camera sees first is not asked for; integrators to which it comes free ignore that.
+    pub forgoes_first: bool,
     /// Asks for the radiance in the numbers of a classic scene's working space; others know linear light only and ignore it.
     pub wants_own: bool,
     /// The radiance (but not that of groups) is in such numbers.
@@ -282,7 +286,8 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     // Later roulette than this would let paths between perfect reflectors go on for ever.
     let rr_depth = settings.rr_depth.or(desc.rr_depth).unwrap_or(4).min(1000);
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
-    let path = Path { max_depth: max_depth.unwrap_or(u32::MAX), rr_depth, equiangular: true };
+    let mut path = Path::new(max_depth.unwrap_or(u32::MAX), rr_depth);
+    path.max_splits = settings.max_splits.unwrap_or(16);
     Ok(match name {
         "auto" => Box::new(Auto::new(path, photons()?)),
         "path" => Box::new(path),
@@ -292,7 +297,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
         "mnee" => Box::new(Mnee::new(path)),
         "pathmap" => Box::new(PathMap::new(path, photons()?)),
         "mlt" => Box::new(Mlt::new(max_depth.unwrap_or(u32::MAX))),
-        "direct" => Box::new(Path { max_depth: max_depth.unwrap_or(1).min(1), rr_depth, equiangular: true }),
+        "direct" => Box::new(Path::new(max_depth.unwrap_or(1).min(1), rr_depth)),
         "particles" => Box::new(Particles::new(photons()?)),
         "photon" => Box::new(PhotonMapping::new(photons()?)),
         "sppm" => Box::new(Sppm::new(photons()?)),

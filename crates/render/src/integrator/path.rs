@@ -12,9 +12,10 @@
 use arrayvec::ArrayVec;
 
 use super::caustics::{Caustics, Place, Start};
-use super::light_sampling::{context, pdf_infinite, pdf_surface, sample_one, visibility};
+use super::light_sampling::{context, infinite, pdf_surface, sample_one, visibility};
+use super::splitting::{Probe, Splits};
 use super::volume::{self, Scattered, power_of_three};
-use super::{Estimate, FirstHit, Integrator, Vertex};
+use super::{Estimate, FirstHit, Integrator, Stage, Vertex};
 use crate::accel::Ray;
 use crate::bsdf::{Bsdf, Lobe, TransportMode};
 use crate::camera::CameraRay;
@@ -35,7 +36,7 @@ const DIRECT_NUMBERS: u32 = 3;
 const SCATTER_NUMBERS: u32 = 4;
 
 /// The path tracer.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Path {
     /// Longest path in scattering events: 0 shows lights only, 1 direct light.
     pub max_depth: u32,
@@ -43,9 +44,14 @@ pub struct Path {
     pub rr_depth: u32,
     /// Samples direct light along segments in homogeneous media by the angle from the light as well: less noise about small lights.
     pub equiangular: bool,
+    /// Most paths that go on from the first surface that scatters a path; 1 for none but one. How many do is decided by
+    /// [`Integrator::prepare`], for each part of the picture.
+    pub max_splits: u32,
+    splits: Option<Splits>,
 }
 
 /// The cone of directions that a path's sample stands for, after Akenine-Möller et al. 2019 (Ray Tracing Gems ch. 20).
+#[derive(Clone, Copy)]
 struct Cone {
     width: f32,
     spread: f32,
@@ -69,13 +75,60 @@ impl Cone {
     }
 }
 
+/// A path under way.
+#[derive(Clone)]
+struct State<T> {
+    ray: Ray,
+    throughput: Spectrum,
+    last: Vertex,
+    depth: u32,
+    crossings: u32,
+    /// Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
+    eta_scale: f32,
+    media: MediumStack,
+    rng: HashRng,
+    trail: T,
+    camera_distance: f32,
+    cone: Cone,
+    /// Into how many the path splits at the next surface that does more than mirror or refract.
+    splits: u32,
+    /// How much splits of later vertices are worth, for a throughput of 1.
+    worth: f32,
+    /// Paths into which the camera's has split, if all splits were like those of this path.
+    leaves: u32,
+    /// Rays that the path has had.
+    edges: u32,
+}
+
 impl Integrator for Path {
+    fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
+        self.splits = None;
+        if self.max_splits > 1 && self.max_depth > 1 {
+            (stage.progress)("planning paths", 0.0);
+            self.splits = Some(Splits::plan(self, scene, stage, self.max_splits));
+        }
+        Ok(())
+    }
+
+    fn notes(&self) -> Vec<String> {
+        let describe = |splits: &Splits| {
+            let (least, mean, most) = splits.summary();
+            format!("path: {mean:.1} paths go on from where a camera ray is scattered first ({least} to {most} by place)")
+        };
+        self.splits.iter().filter(|s| s.summary().2 > 1).map(describe).collect()
+    }
+
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
         self.estimate_with(&(), scene, camera_ray, stream, out);
     }
 }
 
 impl Path {
+    /// Paths of at most `max_depth` scattering events, of which roulette may end those with `rr_depth` or more; they do not split.
+    pub fn new(max_depth: u32, rr_depth: u32) -> Self {
+        Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None }
+    }
+
     /// An estimate that leaves caustics to another method.
     pub(super) fn estimate_with<C: Caustics>(
         &self,
@@ -85,11 +138,26 @@ impl Path {
         stream: &mut SampleStream,
         out: &mut Estimate,
     ) {
-        if scene.has_media {
-            self.trace::<true, C>(scene, camera_ray, caustics, stream, out);
-        } else {
-            self.trace::<false, C>(scene, camera_ray, caustics, stream, out);
-        }
+        let mut probe = self.splits.as_ref().map_or(Probe::new(1, 0.0), |splits| splits.at(stream.pixel()));
+        self.trace_any(caustics, scene, camera_ray, stream, out, &mut probe);
+    }
+
+    /// An estimate of a path that splits as the probe says, and what it tells of that.
+    pub(super) fn probe(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate, probe: &mut Probe) {
+        self.trace_any(&(), scene, camera_ray, stream, out, probe);
+    }
+
+    fn trace_any<C: Caustics>(
+        &self,
+        caustics: &C,
+        scene: &Scene,
+        camera_ray: &CameraRay,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+        probe: &mut Probe,
+    ) {
+        let trace = if scene.has_media { Self::trace::<true, C> } else { Self::trace::<false, C> };
+        trace(self, scene, camera_ray, caustics, stream, out, probe);
     }
 
     /// Follows one path. `MEDIA`: whether there are any. Compiled apart, as for each kind of `caustics`, so that scenes without pay
@@ -101,136 +169,235 @@ impl Path {
         caustics: &C,
         stream: &mut SampleStream,
         out: &mut Estimate,
+        probe: &mut Probe,
     ) {
-        let mut ray = camera_ray.ray;
-        let mut throughput = Spectrum::splat(camera_ray.weight);
-        let mut last = Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None };
-        let (mut depth, mut crossings) = (0, 0);
-        // Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
-        let mut eta_scale = 1.0f32;
-        let mut media = if MEDIA { scene.camera_medium } else { MediumStack::VACUUM };
-        let mut rng = if MEDIA { stream.rng() } else { HashRng::default() };
-        let mut trail = caustics.start(stream);
-        let mut camera_distance = 0.0;
-        let mut cone = Cone { width: 0.0, spread: camera_ray.spread_rad };
+        let ray = camera_ray.ray;
+        let state = State {
+            ray,
+            throughput: Spectrum::splat(camera_ray.weight),
+            last: Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None },
+            depth: 0,
+            crossings: 0,
+            eta_scale: 1.0,
+            media: if MEDIA { scene.camera_medium } else { MediumStack::VACUUM },
+            rng: if MEDIA { stream.rng() } else { HashRng::default() },
+            trail: caustics.start(stream),
+            camera_distance: 0.0,
+            cone: Cone { width: 0.0, spread: camera_ray.spread_rad },
+            splits: probe.splits,
+            worth: probe.worth,
+            leaves: 1,
+            edges: 0,
+        };
+        let edges = self.go_on::<MEDIA, C>(scene, caustics, state, stream, out, probe);
+        probe.end(out, edges);
+    }
+
+    /// Follows a path from a state on; returns its edges from the camera on.
+    fn follow<const MEDIA: bool, C: Caustics>(
+        &self,
+        scene: &Scene,
+        caustics: &C,
+        path: State<C::Trail>,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+        probe: &mut Probe,
+    ) -> u32 {
+        let mark = probe.mark();
+        let edges = self.go_on::<MEDIA, C>(scene, caustics, path, stream, out, probe);
+        probe.close(mark, out, edges);
+        edges
+    }
+
+    fn go_on<const MEDIA: bool, C: Caustics>(
+        &self,
+        scene: &Scene,
+        caustics: &C,
+        mut path: State<C::Trail>,
+        stream: &mut SampleStream,
+        out: &mut Estimate,
+        probe: &mut Probe,
+    ) -> u32 {
         let mut scatter = Scatter { parts: ArrayVec::new_const() };
         loop {
-            let found = scene.intersect(&ray);
-            if MEDIA && let Some(medium) = scene.medium(&media) {
+            path.edges += 1;
+            let found = scene.intersect(&path.ray);
+            if MEDIA && let Some(medium) = scene.medium(&path.media) {
                 let t_max = found.as_ref().map_or(f32::INFINITY, |s| s.t);
-                if !medium.scatters() || depth >= self.max_depth {
-                    let crossing = medium.cross(&ray, t_max, &mut rng);
-                    out.add(throughput * crossing.emitted, 0);
-                    throughput *= crossing.transmittance;
+                if !medium.scatters() || path.depth >= self.max_depth {
+                    let crossing = medium.cross(&path.ray, t_max, &mut path.rng);
+                    out.add(path.throughput * crossing.emitted, 0);
+                    path.throughput *= crossing.transmittance;
                 } else {
                     let equiangular = self.equiangular;
-                    let scattered =
-                        volume::advance(scene, medium, &media, &ray, t_max, &mut throughput, equiangular, stream, &mut rng, out);
+                    let scattered = volume::advance(
+                        scene,
+                        medium,
+                        &path.media,
+                        &path.ray,
+                        t_max,
+                        &mut path.throughput,
+                        equiangular,
+                        stream,
+                        &mut path.rng,
+                        out,
+                    );
                     if let Some(Scattered { t, wi, weight, vertex }) = scattered {
-                        if depth == 0 {
+                        if path.depth == 0 {
                             out.alpha = 1.0;
                             if let Some(s) = &found {
-                                behind_medium(scene, s, -ray.d, camera_distance + s.t, out);
+                                behind_medium(scene, s, -path.ray.d, path.camera_distance + s.t, out);
                             }
                         }
                         if C::ON {
-                            let start = Start { place: Place::Medium(ray.at(t), medium.phase()), wo: -ray.d, media: &media };
-                            caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
-                            caustics.scattered_in_medium(&mut trail, ray.at(t));
+                            let start = Start { place: Place::Medium(path.ray.at(t), medium.phase()), wo: -path.ray.d, media: &path.media };
+                            caustics.add(scene, &start, path.throughput, [path.depth, self.max_depth], &mut path.trail, out);
+                            caustics.scattered_in_medium(&mut path.trail, path.ray.at(t));
                         }
-                        throughput *= weight;
-                        ray = Ray::new(ray.at(t), wi);
-                        cone.advance(t, 1.0);
-                        cone.scatter(vertex.pdf);
-                        last = vertex;
-                        depth += 1;
-                        if !self.survives(depth, &mut throughput, eta_scale, &mut stream.part(1)) {
-                            return;
+                        path.throughput *= weight;
+                        path.ray = Ray::new(path.ray.at(t), wi);
+                        path.cone.advance(t, 1.0);
+                        path.cone.scatter(vertex.pdf);
+                        path.last = vertex;
+                        path.depth += 1;
+                        if !self.survives(path.depth, &mut path.throughput, path.eta_scale, &mut stream.part(1)) {
+                            return path.edges;
                         }
                         continue;
                     }
                 }
-                if throughput.is_black() {
-                    return;
+                if path.throughput.is_black() {
+                    return path.edges;
                 }
             }
             let Some(mut s) = found else {
-                add_infinite(scene, ray.d, throughput, &last, depth, |light| caustics.found(scene, &trail, light), out);
-                return;
+                add_infinite(
+                    scene,
+                    path.ray.d,
+                    path.throughput,
+                    &path.last,
+                    path.depth,
+                    |light| caustics.found(scene, &path.trail, light),
+                    out,
+                );
+                return path.edges;
             };
-            let wo = -ray.d;
+            let wo = -path.ray.d;
             if scene.mipmap {
-                s.footprint = cone.advance(s.t, s.ng.dot(wo));
+                s.footprint = path.cone.advance(s.t, s.ng.dot(wo));
             }
-            if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &trail, light))) {
-                add_emission(scene, &s, wo, throughput, &last, depth, out);
+            if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &path.trail, light))) {
+                add_emission(scene, &s, wo, path.throughput, &path.last, path.depth, out);
             }
             scene.materials[s.material as usize].shade_into(scene, &s, wo, &mut scatter);
-            if depth == 0 {
-                camera_distance += s.t;
-                first_hit(scene, &s, wo, &scatter, camera_distance, out);
+            if path.depth == 0 {
+                path.camera_distance += s.t;
+                first_hit(scene, &s, wo, &scatter, path.camera_distance, out);
             }
             // The last scattering is done, but its ray may still go straight on to a light: shadow rays may as well.
-            let last_edge = depth >= self.max_depth;
+            let last_edge = path.depth >= self.max_depth;
             if last_edge && !scene.has_null {
-                return;
+                return path.edges;
             }
             let ctx = context(&s);
             let mut numbers = stream.part(DIRECT_NUMBERS);
             if !last_edge
                 && scatter.is_smooth_anywhere()
                 && let Some(direct) = sample_one(scene, &ctx, &mut numbers)
-                && !(C::ON && caustics.finds_direct(&trail, &scatter, direct.light))
+                && !(C::ON && caustics.finds_direct(&path.trail, &scatter, direct.light))
             {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
-                    let unshadowed = throughput * f * direct.radiance * (weight / direct.pdf);
-                    let visible = visibility(scene, &s, wo, &media, &direct.sample, &mut rng);
+                    let unshadowed = path.throughput * f * direct.radiance * (weight / direct.pdf);
+                    let visible = visibility(scene, &s, wo, &path.media, &direct.sample, &mut path.rng);
                     if !visible.is_black() {
                         out.add(unshadowed * visible, direct.group);
                     }
                 }
             }
             if C::ON && !last_edge && scatter.is_smooth_anywhere() {
-                let start = Start { place: Place::Surface(&s, &scatter), wo, media: &media };
-                caustics.add(scene, &start, throughput, [depth, self.max_depth], &mut trail, out);
+                let start = Start { place: Place::Surface(&s, &scatter), wo, media: &path.media };
+                caustics.add(scene, &start, path.throughput, [path.depth, self.max_depth], &mut path.trail, out);
             }
-            let mut numbers = stream.part(SCATTER_NUMBERS);
-            let u_lobe = if scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
-            let u = numbers.next_2d();
-            let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return };
-            throughput *= sample.value / sample.pdf;
-            if throughput.is_black() {
-                return;
-            }
-            let o = s.offset_origin(sample.wi);
-            ray = Ray::new(o, sample.wi);
-            if C::ON && !sample.lobe.contains(Lobe::NULL) {
-                caustics.scattered(&mut trail, &s, &scatter, &sample);
-            }
-            if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
-                media.cross(scene, &s, sample.wi);
-            }
-            if sample.lobe.contains(Lobe::NULL) {
-                crossings += 1;
-                if crossings > MAX_CROSSINGS {
-                    return;
+            if scatter.is_smooth_anywhere() {
+                let first = path.splits > 0;
+                let splits = if first {
+                    probe.at_split(out, path.edges);
+                    std::mem::replace(&mut path.splits, 0)
+                } else {
+                    probe.at_vertex(scene, &s, wo, path.throughput, path.edges, out);
+                    self.splits.as_ref().map_or(1, |splits| splits.later(scene, &s, wo, path.throughput * path.worth, path.leaves))
+                };
+                if splits > 1 {
+                    path.throughput /= splits as f32;
+                    path.eta_scale *= splits as f32;
+                    path.leaves *= splits;
+                    for j in 0..splits {
+                        let found = out.radiance;
+                        let mut child = path.clone();
+                        let mut stream = if first { stream.split(splits, j) } else { stream.branch(j) };
+                        if MEDIA {
+                            child.rng = stream.rng();
+                        }
+                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, (&s, &scatter), last_edge, &mut stream) {
+                            let edges = self.follow::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
+                            probe.edges_after += edges - path.edges;
+                        }
+                        if let Some(after) = probe.after.get_mut(j as usize) {
+                            *after = (out.radiance - found) * splits as f32;
+                        }
+                    }
+                    return path.edges;
                 }
-                continue;
             }
-            if last_edge {
-                return;
-            }
-            depth += 1;
-            eta_scale *= fns::sqr(sample.eta);
-            let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
-            cone.scatter(pdf);
-            last = Vertex { ctx, pdf, on_segment: None };
-            if !self.survives(depth, &mut throughput, eta_scale, &mut numbers) {
-                return;
+            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter), last_edge, stream) {
+                return path.edges;
             }
         }
+    }
+
+    /// Scatters a path at a surface; whether it goes on.
+    #[inline(always)]
+    fn scatter<const MEDIA: bool, C: Caustics>(
+        &self,
+        scene: &Scene,
+        caustics: &C,
+        path: &mut State<C::Trail>,
+        (s, scatter): (&Surface, &Scatter),
+        last_edge: bool,
+        stream: &mut SampleStream,
+    ) -> bool {
+        let wo = -path.ray.d;
+        let mut numbers = stream.part(SCATTER_NUMBERS);
+        let u_lobe = if scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
+        let u = numbers.next_2d();
+        let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return false };
+        path.throughput *= sample.value / sample.pdf;
+        if path.throughput.is_black() {
+            return false;
+        }
+        let o = s.offset_origin(sample.wi);
+        path.ray = Ray::new(o, sample.wi);
+        if C::ON && !sample.lobe.contains(Lobe::NULL) {
+            caustics.scattered(&mut path.trail, s, scatter, &sample);
+        }
+        if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
+            path.media.cross(scene, s, sample.wi);
+        }
+        if sample.lobe.contains(Lobe::NULL) {
+            path.crossings += 1;
+            return path.crossings <= MAX_CROSSINGS;
+        }
+        if last_edge {
+            return false;
+        }
+        path.depth += 1;
+        path.eta_scale *= fns::sqr(sample.eta);
+        let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
+        path.cone.scatter(pdf);
+        path.last = Vertex { ctx: context(s), pdf, on_segment: None };
+        self.survives(path.depth, &mut path.throughput, path.eta_scale, &mut numbers)
     }
 
     /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not. Paths that still carry half of
@@ -290,9 +457,17 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
         return;
     }
     for &light in &scene.infinite_lights {
-        let radiance = scene.lights[light as usize].escaped(d);
-        if !radiance.is_black() && !found(light) {
-            let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite(scene, &last.ctx, light, d)) } else { 1.0 };
+        if found(light) {
+            continue;
+        }
+        // The camera and mirrors have no density to weigh.
+        let (radiance, weight) = if last.pdf.is_finite() {
+            let (radiance, pdf) = infinite(scene, &last.ctx, light, d);
+            (radiance, power_heuristic(last.pdf, pdf))
+        } else {
+            (scene.lights[light as usize].escaped(d), 1.0)
+        };
+        if !radiance.is_black() {
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);
         }
     }

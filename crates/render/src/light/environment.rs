@@ -171,9 +171,21 @@ impl EnvironmentLight {
         self.pdf_by(self.compensated.as_ref().unwrap_or(&self.density), wi)
     }
 
+    /// [`Self::radiance`] and [`Self::pdf_compensated`] in one.
+    #[inline]
+    pub fn radiance_and_pdf_compensated(&self, wi: Vec3) -> (Spectrum, f32) {
+        let (uv, sin_theta) = Self::uv_from_direction(self.light_from_world * wi);
+        (self.lookup(uv), Self::pdf_at(self.compensated.as_ref().unwrap_or(&self.density), uv, sin_theta))
+    }
+
     #[inline]
     fn pdf_by(&self, density: &PiecewiseConstant2D, wi: Vec3) -> f32 {
         let (uv, sin_theta) = Self::uv_from_direction(self.light_from_world * wi);
+        Self::pdf_at(density, uv, sin_theta)
+    }
+
+    #[inline]
+    fn pdf_at(density: &PiecewiseConstant2D, uv: Vec2, sin_theta: f32) -> f32 {
         if sin_theta > 0.0 { density.pdf(uv) / (TAU * PI * sin_theta) } else { 0.0 }
     }
 

@@ -236,6 +236,15 @@ impl Light {
         }
     }
 
+    /// [`Self::escaped`] and [`Self::pdf_escaped_compensated`] in one, which saves environment maps half of the work.
+    #[inline]
+    pub fn escaped_and_pdf_compensated(&self, ctx: &LightContext, wi: Vec3) -> (Spectrum, f32) {
+        match self {
+            Self::Environment(l) => l.radiance_and_pdf_compensated(wi),
+            _ => (self.escaped(wi), self.pdf_escaped_compensated(ctx, wi)),
+        }
+    }
+
     /// As `pdf_escaped`, for `sample_compensated`.
     #[inline]
     pub fn pdf_escaped_compensated(&self, ctx: &LightContext, wi: Vec3) -> f32 {

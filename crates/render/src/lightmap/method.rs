@@ -79,7 +79,7 @@ impl Method {
         let rr_depth = settings.rr_depth.unwrap_or(4).min(1000);
         let indirect = (max_depth > 1).then(|| -> Box<dyn Integrator> {
             let rest = if max_depth == u32::MAX { max_depth } else { max_depth - 1 };
-            Box::new(Path { max_depth: rest, rr_depth, equiangular: true })
+            Box::new(Path::new(rest, rr_depth))
         });
         Self::Path { indirect }
     }

@@ -43,8 +43,8 @@ fn find_cell(cdf: &[f32], u: f32) -> usize {
     let mut size = cdf.len() - 1;
     while size > 1 {
         let half = size / 2;
-        // A conditional move rather than a branch that is taken half of the time.
-        base = if cdf[base + half] <= u { base + half } else { base };
+        // A branch that is taken half of the time would cost more than the rest.
+        base = std::hint::select_unpredictable(cdf[base + half] <= u, base + half, base);
         size -= half;
     }
     base

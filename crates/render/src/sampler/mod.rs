@@ -94,6 +94,22 @@ impl SampleStream {
         Self { dimension, ..*self }
     }
 
+    /// The numbers from here on of the `j`-th path into which this one splits: those of all samples are as well distributed as
+    /// this one's, and independent of the other branches'. That of 0 is this one.
+    #[inline]
+    pub fn branch(&self, j: u32) -> Self {
+        let scramble = if j == 0 { 0 } else { mix32(j.wrapping_mul(0x85eb_ca6b) ^ self.dimension) };
+        Self { pixel: [self.pixel[0] ^ scramble, self.pixel[1].wrapping_add(scramble)], ..*self }
+    }
+
+    /// The same, where all samples of the pixel split into `n` here: all of them together are as well distributed as a sequence `n` times
+    /// as long.
+    #[inline]
+    pub fn split(&self, n: u32, j: u32) -> Self {
+        let index = self.index.wrapping_mul(n).wrapping_add(j);
+        Self { index, reversed_index: index.reverse_bits(), ..*self }
+    }
+
     /// The next `numbers` as a stream of their own, and goes on behind them: what of them is not asked for is never made, and those that
     /// follow stay the same.
     #[inline]
@@ -239,6 +255,33 @@ mod tests {
                     assert!(!std::mem::replace(&mut seen[cell], true), "dimension pair {skip}, cells {w} x {h}");
                 }
             }
+        }
+    }
+
+    /// Samples that all split into as many have the strata of a sequence so many times as long, from the split on.
+    #[test]
+    fn split_samples_are_stratified_together() {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 16 };
+        let mut seen = [false; 64];
+        for (index, j) in (0..16).flat_map(|i| (0..4).map(move |j| (i, j))) {
+            let mut parent = sampler.stream(7, 7, index);
+            parent.next_2d();
+            let u = parent.split(4, j).next_2d();
+            assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "sample {index}, branch {j}");
+        }
+    }
+
+    /// Branches differ from each other, and each alone is as well distributed as its parent.
+    #[test]
+    fn branches_are_sequences_of_their_own() {
+        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 64 };
+        let numbers = |j| (0..64).map(|i| sampler.stream(7, 7, i).branch(j).next_2d()).collect::<Vec<_>>();
+        for j in 0..8 {
+            let mut seen = [false; 64];
+            for u in numbers(j) {
+                assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "branch {j}: {u}");
+            }
+            assert!((0..j).all(|k| numbers(j) != numbers(k)), "branch {j} is an earlier one");
         }
     }
 

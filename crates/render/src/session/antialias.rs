@@ -67,13 +67,37 @@ impl Centers {
 
     /// Whether a pixel needs the samples after its first; `trace` gives the radiance of a center and the space of its numbers.
     pub(super) fn differs(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> (Spectrum, WorkingSpace)) -> bool {
+        if let Some(differs) = self.differs_from_known(x, y) {
+            return differs;
+        }
         let Some(own) = self.color(x, y, &mut trace) else { return false };
         let neighbors = [(x.wrapping_sub(1), y), (x, y.wrapping_sub(1)), (x + 1, y), (x, y + 1)];
         neighbors.into_iter().any(|(x, y)| {
             let Some(other) = self.color(x, y, &mut trace) else { return false };
-            let difference: f32 = own.iter().zip(&other).map(|(a, b)| (a - b).abs()).sum();
-            difference > self.antialias.threshold
+            self.is_far(&own, &other)
         })
+    }
+
+    fn is_far(&self, a: &[f32; 3], b: &[f32; 3]) -> bool {
+        let difference: f32 = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum();
+        difference > self.antialias.threshold
+    }
+
+    /// [`Centers::differs`] for the usual pixel: not at the edge, and all around it known.
+    fn differs_from_known(&self, x: u32, y: u32) -> Option<bool> {
+        let r = &self.rect;
+        if !(x > r.x0 && y > r.y0 && x + 1 < r.x1 && y + 1 < r.y1) {
+            return None;
+        }
+        let width = r.width() as usize;
+        let at = (y - r.y0) as usize * width + (x - r.x0) as usize;
+        let rows = self.colors.get(at - width..=at + width)?;
+        let known = [width, width - 1, width + 1, 0, 2 * width].map(|i| rows[i].each_ref().map(|v| v.load(Relaxed)));
+        if known.as_flattened().contains(&UNKNOWN) {
+            return None;
+        }
+        let [own, around @ ..] = known.map(|color| color.map(f32::from_bits));
+        Some(around.iter().any(|other| self.is_far(&own, other)))
     }
 
     fn slot(&self, x: u32, y: u32) -> Option<&[AtomicU32; 3]> {
@@ -104,14 +128,17 @@ fn write(slot: &[AtomicU32; 3], color: [f32; 3]) {
 
 /// The measure of the comparison; what is no number counts as black, as in the film.
 fn compared(radiance: Spectrum, space: WorkingSpace) -> [f32; 3] {
-    radiance.rgb().map(|v| {
+    let measure = |v: f32| {
         let v = f64::from(if v.is_finite() { v } else { 0.0 });
         let measure = match space {
-            WorkingSpace::Power(g) => fns::pow(v.abs(), 0.4 * g),
+            WorkingSpace::Power(g) => fns::pow_about(v.abs(), 0.4 * g),
             _ => two_fifths(space.linear(v.abs())),
         };
         measure.copysign(v) as f32
-    })
+    };
+    let [r, g, b] = radiance.rgb();
+    let of_r = measure(r);
+    [of_r, if g == r { of_r } else { measure(g) }, if b == r { of_r } else { measure(b) }]
 }
 
 /// x^(2/5) to about 1e-9, for x ≥ 0: two steps of Halley's method for y⁵ = x², which take half of the time of a power.

@@ -383,8 +383,9 @@ impl Session {
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
         let space = self.film.spec().space;
         let wants_own = space != WorkingSpace::Linear;
-        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), wants_own, ..Estimate::default() };
-        let mut neighbor = Estimate { wants_own, ..Estimate::default() };
+        let forgoes_first = self.aovs.is_empty();
+        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), forgoes_first, wants_own, ..Estimate::default() };
+        let mut neighbor = Estimate { forgoes_first: true, wants_own, ..Estimate::default() };
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {

@@ -220,12 +220,14 @@ struct Narrow {
 }
 
 impl Narrow {
+    #[inline]
     fn new(line: &Line, t_min: f64) -> Self {
         let o = [line.o.x, line.o.y, line.o.z];
         let d = [line.d.x, line.d.y, line.d.z];
         Self {
-            above: o.map(above),
-            below: o.map(below),
+            // One step out or two: no branches.
+            above: o.map(|x| x as f32).map(|y| y + (y.abs() * f32::EPSILON + f32::MIN_POSITIVE)),
+            below: o.map(|x| x as f32).map(|y| y - (y.abs() * f32::EPSILON + f32::MIN_POSITIVE)),
             inverse: d.map(|d| {
                 let inverse = (1.0 / d) as f32;
                 if inverse.abs() < 1e30 { inverse } else { 1e30f32.copysign(inverse) }

@@ -224,6 +224,42 @@ impl Julia {
         DVec3::from_array(tangents.map(|t| t.dot(h)))
     }
 
+    /// The crossing between two points of a line, of which one is inside: halving, and false position where both orbits go through all
+    /// iterations, as their ends depend on the point smoothly then (with Illinois' halving of an end that stays).
+    fn border(&self, o: DVec3, d: DVec3, a: (f64, &Orbit), b: (f64, &Orbit)) -> f64 {
+        let value = |orbit: &Orbit| (orbit.count == self.iterations).then_some(orbit.length - self.escape);
+        let ((mut lo, mut f_lo), (mut hi, mut f_hi)) = ((a.0, value(a.1)), (b.0, value(b.1)));
+        let fine = 1e-12 * self.radius;
+        // Which end moved last, and how often the bracket shrank little.
+        let (mut last, mut slow) = (None, 0);
+        for _ in 0..80 {
+            let width = hi - lo;
+            let middle = 0.5 * (lo + hi);
+            if !(width > fine) || middle == lo || middle == hi {
+                break;
+            }
+            let guess = match (f_lo, f_hi) {
+                // Kept off the ends by what is wanted, so that the other end follows.
+                (Some(f), Some(g)) if slow < 3 => (lo + width * (f / (f - g))).clamp(lo + 0.4 * fine, hi - 0.4 * fine),
+                _ => middle,
+            };
+            let at = if guess > lo && guess < hi { guess } else { middle };
+            let found = self.orbit(o + d * at);
+            let moves_lo = found.inside == a.1.inside;
+            let again = last == Some(moves_lo);
+            if moves_lo {
+                (lo, f_lo) = (at, value(&found));
+                f_hi = f_hi.map(|f| if again { 0.5 * f } else { f });
+            } else {
+                (hi, f_hi) = (at, value(&found));
+                f_lo = f_lo.map(|f| if again { 0.5 * f } else { f });
+            }
+            last = Some(moves_lo);
+            slow = if slow < 3 && hi - lo > 0.5 * width { slow + 1 } else { 0 };
+        }
+        0.5 * (lo + hi)
+    }
+
     /// Visits crossings in order until `visit` returns true.
     fn walk(&self, line: &Line, t_min: f64, t_max: f64, visit: &mut dyn FnMut(f64) -> bool) {
         let speed = line.d.length();
@@ -247,19 +283,7 @@ impl Julia {
             let b = (a + self.estimate(&orbit)).min(end);
             let next = self.orbit(o + d * b);
             if next.inside != orbit.inside {
-                let (mut lo, mut hi) = (a, b);
-                for _ in 0..60 {
-                    let m = 0.5 * (lo + hi);
-                    if !(hi - lo > 1e-13 * self.radius) || m == lo || m == hi {
-                        break;
-                    }
-                    if self.orbit(o + d * m).inside == orbit.inside {
-                        lo = m;
-                    } else {
-                        hi = m;
-                    }
-                }
-                let t = (0.5 * (lo + hi) + middle) / speed;
+                let t = (self.border(o, d, (a, &orbit), (b, &next)) + middle) / speed;
                 if t > t_min && t < t_max && visit(t) {
                     return;
                 }

@@ -161,8 +161,6 @@ pub struct SolidHit<'a> {
     pub p: DVec3,
     /// Unit normal of the surface, to the outside of the whole object (turned by inverses and differences).
     pub n: DVec3,
-    /// Unit geometric normal on the same side, which differs from `n` on smooth meshes.
-    pub ng: DVec3,
     /// Surface coordinates where the textures use them; see [`World::uv`].
     pub uv: DVec2,
     /// The part whose texture and interior count: the leaf, with what it inherits from its parents already filled in.

@@ -32,6 +32,19 @@ impl Sphere {
         Bounds { min: center - reach, max: center + reach }
     }
 
+    /// Whether a line has nothing in front of it for sure: it starts outside and leads away, or passes by farther than rounding errors
+    /// reach. Most lines do, and this needs no division.
+    #[inline]
+    fn is_passed(&self, line: &Line, t_min: f64) -> bool {
+        let f = line.o - self.center;
+        let (a, b) = (line.d.length_squared(), -f.dot(line.d));
+        let (f2, r2) = (f.length_squared(), self.radius * self.radius);
+        if f2 <= r2 {
+            return false;
+        }
+        t_min >= 0.0 && b < 0.0 || b * b - a * (f2 - r2) < -1e-12 * (b * b + a * (f2 + r2))
+    }
+
     /// Both crossings of the endless line. The discriminant is formed from the distance of the line to the center, which keeps it exact
     /// far away (Haines et al. 2019, "Precision Improvements for Ray/Sphere Intersection", Ray Tracing Gems, chapter 7, equation 7).
     #[inline]
@@ -77,7 +90,9 @@ impl Primitive for Sphere {
 
     #[inline]
     fn crossings(&self, line: &Line, t_min: f64, t_max: f64, out: &mut Vec<Crossing>) {
-        if let Some((a, b)) = self.roots(line) {
+        if !self.is_passed(line, t_min)
+            && let Some((a, b)) = self.roots(line)
+        {
             for t in [a, b] {
                 if t > t_min && t < t_max {
                     out.push(Crossing::new(t, 0));
@@ -88,6 +103,9 @@ impl Primitive for Sphere {
 
     #[inline]
     fn nearest(&self, line: &Line, t_min: f64, t_max: f64, _scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+        if self.is_passed(line, t_min) {
+            return None;
+        }
         let (a, b) = self.roots(line)?;
         let t = if a > t_min { a } else { b };
         (t > t_min && t < t_max).then(|| Crossing::new(t, 0))

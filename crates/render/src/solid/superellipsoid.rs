@@ -101,8 +101,17 @@ impl Superellipsoid {
         Some(t)
     }
 
-    /// Pieces between coordinate planes, divided until the gauge at the ends decides.
-    fn search(&self, o: DVec3, d: DVec3, lo: f64, hi: f64, push: &mut dyn FnMut(f64)) {
+    /// Whether the gauge of a point of the first octant is more than 1 and whether it is less, for points in the box.
+    fn side(&self, q: DVec3) -> (bool, bool) {
+        let s = power(q.x, self.a) + power(q.y, self.a);
+        let r = if self.a == self.b { s } else { power(s, self.b / self.a) } + power(q.z, self.b);
+        // What the gauge itself would decide otherwise by rounding is left undecided.
+        (r > 1.0 + 1e-12, r < 1.0 - 1e-12)
+    }
+
+    /// Pieces between coordinate planes, divided until the gauge at the ends decides; in the order of the line, until `push` returns
+    /// true.
+    fn search(&self, o: DVec3, d: DVec3, lo: f64, hi: f64, push: &mut dyn FnMut(f64) -> bool) {
         let mut cuts = ArrayVec::<f64, 5>::new();
         cuts.push(lo);
         for axis in 0..3 {
@@ -115,25 +124,36 @@ impl Superellipsoid {
         cuts.sort_unstable_by(f64::total_cmp);
         let mut left = MOST_PIECES;
         for pair in cuts.windows(2) {
-            let mut stack = ArrayVec::<(f64, f64), 64>::new();
-            stack.push((pair[0], pair[1]));
-            while let Some((a, b)) = stack.pop() {
+            // Ends with gauge and derivative, where they are known.
+            let mut stack = ArrayVec::<(f64, f64, Option<(f64, f64)>, Option<(f64, f64)>), 64>::new();
+            stack.push((pair[0], pair[1], None, None));
+            while let Some((a, b, fa, fb)) = stack.pop() {
                 let (pa, pb) = (o + d * a, o + d * b);
                 let (near, far) = (pa.abs().min(pb.abs()), pa.abs().max(pb.abs()));
-                if self.gauge(near).0 > 1.0 || self.gauge(far).0 < 1.0 {
+                if self.side(near).0 || self.side(far).1 {
                     continue;
                 }
-                let (fa, fb) = (self.along(o, d, a), self.along(o, d, b));
                 let small = b - a < 1e-3 || left == 0;
+                if !small && !stack.is_full() {
+                    left -= 1;
+                    let m = 0.5 * (a + b);
+                    stack.push((m, b, None, fb));
+                    stack.push((a, m, fa, None));
+                    continue;
+                }
+                let (fa, fb) = (fa.unwrap_or_else(|| self.along(o, d, a)), fb.unwrap_or_else(|| self.along(o, d, b)));
                 if (fa.0 < 0.0) != (fb.0 < 0.0) && small {
-                    push(self.bisect(o, d, (a, b), fa.0 < 0.0));
+                    if push(self.bisect(o, d, (a, b), fa.0 < 0.0)) {
+                        return;
+                    }
                 } else if small && (b - a < 1e-7 || left == 0 || (fa.1 > 0.0) == (fb.1 > 0.0)) {
                     // No sign of a crossing pair.
                 } else if !stack.is_full() {
                     left = left.saturating_sub(1);
                     let m = 0.5 * (a + b);
-                    stack.push((m, b));
-                    stack.push((a, m));
+                    let fm = Some(self.along(o, d, m));
+                    stack.push((m, b, fm, Some(fb)));
+                    stack.push((a, m, Some(fa), fm));
                 }
             }
         }
@@ -215,11 +235,14 @@ impl Primitive for Superellipsoid {
                 push(self.newton(o, d, half, enter).unwrap_or(enter));
             }
         } else {
-            self.search(o, d, -half, half, &mut push);
+            self.search(o, d, -half, half, &mut |s| {
+                push(s);
+                false
+            });
         }
     }
 
-    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, scratch: &mut Vec<Crossing>) -> Option<Crossing> {
+    fn nearest(&self, line: &Line, t_min: f64, t_max: f64, _: &mut Vec<Crossing>) -> Option<Crossing> {
         if self.is_convex() {
             let part = self.part(line, t_min, t_max)?;
             let enter = self.newton(part.o, part.d, -part.half, part.half)?;
@@ -231,10 +254,12 @@ impl Primitive for Superellipsoid {
                 part.crossing(exit, t_min, t_max)
             });
         }
-        let start = scratch.len();
-        self.crossings(line, t_min, t_max, scratch);
-        let nearest = scratch[start..].iter().copied().min_by(|a, b| a.t.total_cmp(&b.t));
-        scratch.truncate(start);
+        let part = self.part(line, t_min, t_max)?;
+        let mut nearest = None;
+        self.search(part.o, part.d, -part.half, part.half, &mut |s| {
+            nearest = part.crossing(s, t_min, t_max);
+            nearest.is_some() || part.t(s) >= t_max
+        });
         nearest
     }
 

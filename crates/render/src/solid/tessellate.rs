@@ -123,7 +123,7 @@ impl World {
         // The surface turns away within the triangle: it speaks for itself.
         let mut flat = hit(p, Crossing::new(0.0, 0));
         let side = if flat.n.dot(n) < 0.0 { -n } else { n };
-        (flat.n, flat.ng) = (side, side);
+        flat.n = side;
         flat
     }
 }

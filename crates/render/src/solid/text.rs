@@ -29,9 +29,17 @@ pub(super) struct Text {
 struct Piece {
     points: [DVec2; 3],
     straight: bool,
+    /// The box of its points.
+    min: DVec2,
+    max: DVec2,
 }
 
 impl Piece {
+    fn new(points: [DVec2; 3], straight: bool) -> Self {
+        let [a, b, c] = points;
+        Self { points, straight, min: a.min(b).min(c), max: a.max(b).max(c) }
+    }
+
     fn at(&self, s: f64) -> DVec2 {
         let [a, b, c] = self.points;
         let r = 1.0 - s;
@@ -92,13 +100,10 @@ impl Text {
     fn covers(&self, letter: u32, q: DVec2) -> bool {
         self.pieces[self.letters[letter as usize].clone()].iter().fold(false, |odd, piece| {
             let [a, _, c] = piece.points;
-            if (a.y <= q.y) == (c.y <= q.y) {
+            if (a.y <= q.y) == (c.y <= q.y) || piece.max.x <= q.x {
                 return odd;
             }
-            if piece.points.iter().all(|p| p.x <= q.x) {
-                return odd;
-            }
-            if piece.points.iter().all(|p| p.x > q.x) {
+            if piece.min.x > q.x {
                 return !odd;
             }
             // It goes up or down once, so there is one parameter but for rounding.
@@ -108,13 +113,31 @@ impl Text {
     }
 }
 
+/// The box of what a line passes of the plane between two heights and two of its parameters, a little larger than it is.
+fn shadow(o: &DVec3, d: &DVec3, depth: [f64; 2], [t_min, t_max]: [f64; 2]) -> (DVec2, DVec2) {
+    let (mut from, mut to) = (t_min, t_max);
+    if d.z != 0.0 {
+        let (a, b) = ((depth[0] - o.z) / d.z, (depth[1] - o.z) / d.z);
+        (from, to) = (from.max(a.min(b)), to.min(a.max(b)));
+    }
+    let reach = DVec2::new(d.x, d.y);
+    let o = DVec2::new(o.x, o.y);
+    let (a, b) = (o + reach * from, o + reach * to);
+    let slack = (o.abs() + a.abs().max(b.abs())) * 1e-9;
+    // What is no number leaves a side open.
+    let open = |v: f64, end: f64| if v.is_nan() { end } else { v };
+    let low = |a: f64, b: f64, slack: f64| open(a.min(b) - slack, f64::NEG_INFINITY);
+    let high = |a: f64, b: f64, slack: f64| open(a.max(b) + slack, f64::INFINITY);
+    (DVec2::new(low(a.x, b.x, slack.x), low(a.y, b.y, slack.y)), DVec2::new(high(a.x, b.x, slack.x), high(a.y, b.y, slack.y)))
+}
+
 /// Adds a segment, cut where it turns in y.
 fn add(segment: OutlineSegment, out: &mut Vec<Piece>) {
     let finite = |points: &[DVec2]| points.iter().all(|p| p.is_finite());
     match segment {
         OutlineSegment::Line([a, b]) => {
             if finite(&[a, b]) && a != b {
-                out.push(Piece { points: [a, (a + b) * 0.5, b], straight: true });
+                out.push(Piece::new([a, (a + b) * 0.5, b], true));
             }
         }
         OutlineSegment::Quadratic([a, b, c]) => {
@@ -126,10 +149,10 @@ fn add(segment: OutlineSegment, out: &mut Vec<Piece>) {
                 let (ab, bc) = (a + (b - a) * s, b + (c - b) * s);
                 let mut turn = ab + (bc - ab) * s;
                 turn.y = ab.y;
-                out.push(Piece { points: [a, DVec2::new(ab.x, turn.y), turn], straight: false });
-                out.push(Piece { points: [turn, DVec2::new(bc.x, turn.y), c], straight: false });
+                out.push(Piece::new([a, DVec2::new(ab.x, turn.y), turn], false));
+                out.push(Piece::new([turn, DVec2::new(bc.x, turn.y), c], false));
             } else {
-                out.push(Piece { points: [a, b, c], straight: false });
+                out.push(Piece::new([a, b, c], false));
             }
         }
     }
@@ -171,6 +194,9 @@ impl Primitive for Text {
             if line.d.z != 0.0 {
                 for (part, z) in self.depth.into_iter().enumerate() {
                     let t = (z - o.z) / line.d.z;
+                    if !(t > t_min && t < t_max) {
+                        continue;
+                    }
                     let q = DVec2::new(o.x + t * line.d.x, o.y + t * line.d.y);
                     if self.covers(letter, q) {
                         take(t, part as u32, 0.0);
@@ -181,9 +207,14 @@ impl Primitive for Text {
                 let o2 = DVec2::new(o.x, o.y);
                 let w = across.perp();
                 let level = w.dot(o2);
+                let (min, max) = shadow(&o, &line.d, self.depth, [t_min, t_max]);
                 for i in self.letters[letter as usize].clone() {
-                    for s in self.pieces[i].parameters(w, level) {
-                        let t = (self.pieces[i].at(s) - o2).dot(across) / flat2;
+                    let piece = &self.pieces[i];
+                    if !(piece.min.cmple(max).all() && piece.max.cmpge(min).all()) {
+                        continue;
+                    }
+                    for s in piece.parameters(w, level) {
+                        let t = (piece.at(s) - o2).dot(across) / flat2;
                         let z = o.z + t * line.d.z;
                         if z >= self.depth[0] && z <= self.depth[1] {
                             take(t, i as u32 + 2, s);

@@ -205,8 +205,7 @@ impl Tree {
                     if leaf.opaque {
                         // Any crossing will do.
                         return leaf.hidden & query.kind == 0
-                            && (leaf.solid_from_world.is_none()
-                                || node.bounds.clip(&query.line, query.inverse, query.t_min, t_max).is_some())
+                            && (!leaf.box_first || node.bounds.clip(&query.line, query.inverse, query.t_min, t_max).is_some())
                             && leaf.shape.nearest(&leaf.local(&query.line), query.t_min, t_max, &mut scratch.crossings).is_some();
                     }
                 }
@@ -257,7 +256,7 @@ impl Tree {
             if leaf.hidden & query.kind != 0 {
                 return;
             }
-            if leaf.solid_from_world.is_some() && node.bounds.clip(&query.line, query.inverse, query.t_min, *t_max).is_none() {
+            if leaf.box_first && node.bounds.clip(&query.line, query.inverse, query.t_min, *t_max).is_none() {
                 return;
             }
             if let Some(crossing) = leaf.shape.nearest(&leaf.local(&query.line), query.t_min, *t_max, &mut scratch.crossings)

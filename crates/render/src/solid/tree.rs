@@ -32,6 +32,8 @@ pub(super) struct Leaf {
     pub own_textures: Vec<Arc<Texture>>,
     /// The combination whose parts give the texture of cut faces.
     pub cutaway: Option<NodeId>,
+    /// Its shape costs more than its box: the box is asked first.
+    pub box_first: bool,
     /// No light passes it, wherever and from whichever side.
     pub opaque: bool,
     /// Its textures may look at surface coordinates.
@@ -362,6 +364,7 @@ impl<'a> Builder<'a> {
         let own_textures: Vec<Arc<Texture>> = shape.own_textures().iter().map(|t| self.texture(t, &m)).collect();
         let textures = || state.texture.iter().chain(&state.interior_texture).chain(&own_textures);
         // Cut faces show textures of other leaves.
+        let box_first = !placed || matches!(shape, Shape::Other(_));
         let opaque = state.cutaway.is_none() && textures().all(|t| t.is_opaque());
         let uses_uv = state.uv_mapping || object.uv_mapping || state.cutaway.is_some() || textures().any(|t| t.uses_uv());
         let hidden = [state.no_image, state.no_reflection, state.no_shadow, state.no_radiosity];
@@ -393,6 +396,7 @@ impl<'a> Builder<'a> {
             object: Arc::new(resolved),
             own_textures,
             cutaway: state.cutaway.map(pending),
+            box_first,
             opaque,
             uses_uv,
         });

@@ -13,6 +13,9 @@ use super::trace::{Query, RawHit, Scratch};
 use super::tree::{Builder, Kind, NodeId, Tree};
 use super::{Bounds, Crossing, Line, NO_UV, Primitive, RayKind, SolidHit};
 
+/// So many roots of finite size are tested one by one: a hierarchy over them costs more than it saves.
+const FEW: usize = 4;
+
 /// What photons are shot at.
 #[derive(Clone, Debug)]
 pub struct PhotonTarget {
@@ -29,8 +32,10 @@ pub struct World {
     pub(super) tree: Tree,
     /// Over the roots of finite size, by index into the tree's roots.
     bvh: Bvh,
-    /// Roots without finite box.
-    unbounded: Vec<u32>,
+    /// Roots that every line is tested against: those without finite box, or all where they are few.
+    each: Vec<u32>,
+    /// The roots of finite size are few.
+    few: bool,
     /// Roots whose inside has no finite box, or one larger than their surface's.
     unbounded_inside: Vec<u32>,
 }
@@ -65,12 +70,13 @@ impl World {
         let tree = builder.finish();
         let node = |i: u32| &tree.nodes[tree.roots[i as usize] as usize];
         let roots = 0..tree.roots.len() as u32;
-        let unbounded = roots.clone().filter(|&i| !node(i).bounds.is_finite() && !node(i).bounds.is_empty()).collect();
+        let few = roots.clone().filter(|&i| node(i).bounds.is_finite()).count() <= FEW;
+        let each = roots.clone().filter(|&i| (few || !node(i).bounds.is_finite()) && !node(i).bounds.is_empty()).collect();
         let within = |i: Bounds, o: Bounds| i.is_empty() || (o.contains(i.min) && o.contains(i.max));
         let unbounded_inside =
             roots.filter(|&i| node(i).inverse || !node(i).bounds.is_finite() || !within(node(i).inside_bounds, node(i).bounds)).collect();
         let bvh = Bvh::new(tree.roots.iter().map(|&r| tree.nodes[r as usize].bounds));
-        Self { tree, bvh, unbounded, unbounded_inside }
+        Self { tree, bvh, each, few, unbounded_inside }
     }
 
     /// The box of all surfaces; infinite where one is.
@@ -139,14 +145,16 @@ impl World {
         let mut best = None;
         let mut limit = t_max;
         with_scratch(|scratch| {
-            for &i in &self.unbounded {
+            for &i in &self.each {
                 self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
             }
-            self.bvh.visit(line, t_min, limit, |i, t| {
-                self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
-                *t = limit;
-                true
-            });
+            if !self.few {
+                self.bvh.visit(line, t_min, limit, |i, t| {
+                    self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
+                    *t = limit;
+                    true
+                });
+            }
         });
         best.map(|hit| self.hit(line, &hit))
     }
@@ -166,12 +174,14 @@ impl World {
                 }
                 true
             };
-            for &i in &self.unbounded {
+            for &i in &self.each {
                 if !root(i) {
                     return;
                 }
             }
-            self.bvh.visit(line, t_min, t_max, |i, _| root(i));
+            if !self.few {
+                self.bvh.visit(line, t_min, t_max, |i, _| root(i));
+            }
         });
     }
 
@@ -205,7 +215,7 @@ impl World {
                 }
                 true
             };
-            if self.unbounded.iter().all(|&i| root(i)) {
+            if self.each.iter().all(|&i| root(i)) && !self.few {
                 self.bvh.visit(line, t_min, t_max, |i, _| root(i));
             }
             blocked
@@ -272,22 +282,28 @@ impl World {
         if uv.is_nan() { DVec2::new(hit.p.x, hit.p.y) } else { uv }
     }
 
+    /// The unit geometric normal on the side of [`SolidHit::n`], from which it differs on smooth meshes.
+    pub fn geometric_normal(&self, hit: &SolidHit<'_>) -> DVec3 {
+        let Some(leaf) = self.tree.leaves.get(hit.leaf as usize) else { return hit.n };
+        leaf.world_normal(leaf.shape.geometric_normal(leaf.local_point(hit.p), &hit.crossing))
+    }
+
+    #[inline]
     fn root(&self, i: u32) -> NodeId {
         self.tree.roots[i as usize]
     }
 
+    #[inline]
     pub(super) fn hit(&self, line: &Line, hit: &RawHit) -> SolidHit<'_> {
         let leaf = &self.tree.leaves[hit.leaf as usize];
         let p = line.at(hit.crossing.t);
         let local = leaf.local_point(p);
         let n = leaf.shape.normal(local, &hit.crossing);
-        let ng = leaf.shape.geometric_normal(local, &hit.crossing);
         let uv = if leaf.uses_uv { leaf.shape.uv(local, &hit.crossing) } else { NO_UV };
         SolidHit {
             t: hit.crossing.t,
             p,
             n: leaf.world_normal(n),
-            ng: leaf.world_normal(ng),
             uv: if uv.is_nan() { DVec2::new(p.x, p.y) } else { uv },
             object: &leaf.object,
             leaf: hit.leaf,

@@ -218,7 +218,7 @@ impl Physical {
         let object = self.first_object + hit.leaf;
         Surface {
             p,
-            ng: hit.ng.as_vec3().normalize_or(n),
+            ng: self.classic.world.geometric_normal(hit).as_vec3().normalize_or(n),
             frame,
             uv: Vec2::new(hit.uv.x as f32, hit.uv.y as f32),
             dpdu: frame.s,

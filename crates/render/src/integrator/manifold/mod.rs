@@ -176,6 +176,7 @@ const CHAIN_DIMENSIONS: u32 = 5 << 16;
 const DEEP_CHAINS: f32 = 0.5;
 
 /// The random numbers for chains of a path, and the chain that it has followed, where it is one that is looked for.
+#[derive(Clone)]
 pub(super) struct Trail {
     rng: HashRng,
     chain: Option<Followed>,

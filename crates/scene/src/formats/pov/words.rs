@@ -521,8 +521,34 @@ fn canonical(word: &str) -> &str {
 
 /// The number of a reserved word, if it is one.
 pub(super) fn find(word: &str) -> Option<WordId> {
-    WORDS.binary_search(&word).ok().map(|_| canonical(word)).and_then(|w| WORDS.binary_search(&w).ok()).map(|i| i as WordId)
+    let found = place(word)?;
+    let one = canonical(word);
+    if one == word { Some(found) } else { place(one) }
 }
+
+/// Place of a word in [`WORDS`]: looked for among those of its first letter.
+fn place(word: &str) -> Option<WordId> {
+    let first = usize::from(*word.as_bytes().first()?);
+    let range = *FIRST.get(first)? as usize..*FIRST.get(first + 1)? as usize;
+    let start = range.start;
+    WORDS.get(range)?.binary_search(&word).ok().map(|i| (start + i) as WordId)
+}
+
+/// How many words begin with a smaller byte.
+const FIRST: [u16; 257] = {
+    let mut counts = [0u16; 257];
+    let mut i = 0;
+    while i < WORDS.len() {
+        counts[WORDS[i].as_bytes()[0] as usize + 1] += 1;
+        i += 1;
+    }
+    let mut byte = 1;
+    while byte < counts.len() {
+        counts[byte] += counts[byte - 1];
+        byte += 1;
+    }
+    counts
+};
 
 #[cfg(test)]
 mod tests {
@@ -531,6 +557,7 @@ mod tests {
     #[test]
     fn sorted_and_canonical() {
         assert!(WORDS.is_sorted());
+        assert!(WORDS.iter().enumerate().all(|(i, w)| place(w) == Some(i as WordId)) && place("").is_none() && place("é").is_none());
         assert_eq!(find("colour_map"), find("color_map"));
         assert!(find("sphere").is_some() && find("Sphere").is_none() && find("foo").is_none());
     }
