@@ -61,10 +61,10 @@ def relmse(picture: np.ndarray, reference: np.ndarray) -> float:
 class Runner:
     """Renders one scene."""
 
-    def __init__(self, command: str, scene: Path, search: list[str], size: tuple[int, int]) -> None:
-        """Measure how long loading takes."""
+    def __init__(self, command: str, scene: Path, search: list[str], size: tuple[int, int], out: Path | None = None) -> None:
+        """Measure how long loading takes; pictures are written to `out`, or beside the scene."""
         self.command, self.scene, self.search, self.size = command, scene, search, size
-        self.out = scene.with_suffix(".pfm")
+        self.out = out or scene.with_suffix(".pfm")
         self.load = 0.0
         _, self.load = self.render("normals", 1, 0, size=(16, 16))
 

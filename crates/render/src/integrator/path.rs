@@ -128,11 +128,6 @@ impl Path {
         Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None }
     }
 
-    /// Paths do not split until [`Integrator::prepare`] plans anew.
-    pub(super) fn forget_splits(&mut self) {
-        self.splits = None;
-    }
-
     /// An estimate that leaves caustics to another method.
     pub(super) fn estimate_with<C: Caustics>(
         &self,

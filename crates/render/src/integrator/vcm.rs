@@ -33,10 +33,21 @@ pub struct Vcm {
 }
 
 impl Vcm {
+    /// Bytes that the kept walks take at most, about.
+    pub(super) const MEMORY: u64 = 400 << 20;
+
     /// Paths of at most `max_depth` scattering events; Russian roulette may end a walk after `rr_depth` of its own. The radius of merging
     /// starts at `initial_radius` in scene units, or at one that fits the scene.
     pub fn new(max_depth: u32, rr_depth: u32, initial_radius: Option<f32>) -> Self {
         Self { shared: Bidirectional::new(max_depth, rr_depth), initial_radius, stored: StoredWalks::default(), radius: 0.0 }
+    }
+
+    /// As [`Self::new`], but paths from the lights are not connected to the camera: no sample lights other pixels than its own. Merging
+    /// finds the same light, but for what lights of no size send through glass into media.
+    pub fn without_splats(max_depth: u32, rr_depth: u32, initial_radius: Option<f32>) -> Self {
+        let mut vcm = Self::new(max_depth, rr_depth, initial_radius);
+        vcm.shared.techniques.to_camera = false;
+        vcm
     }
 }
 
@@ -69,7 +80,7 @@ impl Integrator for Vcm {
     }
 
     fn splats(&self) -> bool {
-        true
+        self.shared.techniques.to_camera
     }
 
     fn notes(&self) -> Vec<String> {

@@ -51,7 +51,11 @@ impl Blocks {
     /// degrees of freedom) does not make false alarms. For methods whose pixels are not independent, as those that splat or share
     /// photons, and for those whose few rare samples make most of the noise.
     pub fn of_seeds(desc: &SceneDesc, settings: &RenderSettings, edge: usize) -> Self {
-        let films = render_seeds(desc, settings, 0..10);
+        Self::of_films(&render_seeds(desc, settings, 0..10), edge)
+    }
+
+    /// The same of ten films of different seeds.
+    pub fn of_films(films: &[Film], edge: usize) -> Self {
         let parts: Vec<Self> = films.iter().map(|film| Self::new(std::slice::from_ref(film), edge)).collect();
         let n = parts.len() as f64;
         let mut all = parts[0].clone();

@@ -94,7 +94,7 @@ impl Bidirectional {
         let mut joints = Vec::new();
         let mut light_walk = Walk::default();
         let start = self.walk_light(scene, self.max_depth, &mut stream.at(LIGHT_DIMENSIONS), &mut light_walk);
-        if let Some(start) = &start {
+        if let Some(start) = start.as_ref().filter(|_| self.techniques.to_camera) {
             let mut numbers = stream.at(CAMERA_DIMENSIONS);
             for y in &light_walk.vertices {
                 if let Some((picture, c)) = self.to_camera(scene, (&light_walk, start, y), &mut numbers, &mut joints) {
