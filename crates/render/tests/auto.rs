@@ -8,6 +8,7 @@ use etendue_render::session::{Cancel, Silent, Stop};
 use etendue_scene::desc::*;
 use etendue_scene::{RenderSettings, SceneDesc};
 use glam::{Mat4, Vec3};
+use std::f32::consts::FRAC_PI_2;
 use support::*;
 
 const SPP: u32 = 2;
@@ -44,7 +45,7 @@ fn floor(walls: bool) -> SceneDesc {
     perspective(&mut desc, Vec3::new(0.0, -3.9, 1.0), Vec3::new(0.0, 0.0, if walls { 1.0 } else { 0.3 }), 42.0);
     if walls {
         rectangle(&mut desc, Vec3::new(0.0, 0.0, 2.0), [1.0; 2], true, Some(white));
-        for turn in [Mat4::from_rotation_x(-1.570_796_3), Mat4::from_rotation_y(-1.570_796_3), Mat4::from_rotation_y(1.570_796_3)] {
+        for turn in [Mat4::from_rotation_x(-FRAC_PI_2), Mat4::from_rotation_y(-FRAC_PI_2), Mat4::from_rotation_y(FRAC_PI_2)] {
             let middle = Mat4::from_translation(Vec3::Z);
             shape(&mut desc, GeometryDesc::Rectangle, middle * turn * Mat4::from_translation(Vec3::NEG_Z), Some(white));
         }
