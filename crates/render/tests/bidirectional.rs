@@ -110,27 +110,15 @@ fn caustics() {
     assert_same("mlt caustic", &blocks(&desc, &method("mlt", 32)), &path, ROUNDING, 0.2);
 }
 
-/// Merging blurs in proportion to the square of the radius: two radii tell what none would give.
-fn without_radius(with: impl Fn(f32) -> Blocks) -> Blocks {
-    let (wide, narrow) = (with(0.16), with(0.08));
-    let mut zero = narrow.clone();
-    for i in 0..zero.mean.len() {
-        for c in 0..3 {
-            zero.mean[i][c] = (4.0 * narrow.mean[i][c] - wide.mean[i][c]) / 3.0;
-            zero.variance[i][c] = (16.0 * narrow.variance[i][c] + wide.variance[i][c]) / 9.0;
-        }
-    }
-    zero
-}
-
 #[test]
 fn vcm_without_radius() {
     for (name, desc) in [("rough", glossy_room()), ("caustic", caustic())] {
         let path = reference(&desc, &base(512));
-        let zero = without_radius(|radius| blocks(&desc, &RenderSettings { photon_radius: Some(radius), ..method("vcm", 12) }));
+        let zero =
+            Blocks::without_radius(0.16, |radius| blocks(&desc, &RenderSettings { photon_radius: Some(radius), ..method("vcm", 12) }));
         assert_same(&format!("vcm {name}"), &zero, &path, 5e-3, 0.15);
         // As `auto` has it: merging finds what splats would.
-        let zero = without_radius(|radius| {
+        let zero = Blocks::without_radius(0.16, |radius| {
             let film = |seed| {
                 let s = RenderSettings { seed, ..base(12) };
                 let vcm = Vcm::without_splats(5, 4, Some(radius));

@@ -23,16 +23,7 @@ fn blocks(desc: &SceneDesc, s: &RenderSettings) -> Blocks {
 
 /// The blur goes with the square of the radius: two radii tell what none would give.
 fn without_radius(desc: &SceneDesc, s: &RenderSettings, radius: f32) -> Blocks {
-    let with = |radius| blocks(desc, &RenderSettings { photon_radius: Some(radius), ..s.clone() });
-    let (wide, narrow) = (with(radius), with(0.5 * radius));
-    let mut zero = narrow.clone();
-    for i in 0..zero.mean.len() {
-        for c in 0..3 {
-            zero.mean[i][c] = (4.0 * narrow.mean[i][c] - wide.mean[i][c]) / 3.0;
-            zero.variance[i][c] = (16.0 * narrow.variance[i][c] + wide.variance[i][c]) / 9.0;
-        }
-    }
-    zero
+    Blocks::without_radius(radius, |radius| blocks(desc, &RenderSettings { photon_radius: Some(radius), ..s.clone() }))
 }
 
 /// A room with glass, a mirror, rough metal and coated surfaces, so that photons come to diffuse surfaces, to glossy ones, and by both;

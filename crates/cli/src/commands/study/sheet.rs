@@ -9,6 +9,8 @@ use super::curve::Curve;
 const CELL_WIDTH: u32 = 360;
 /// Narrower ones are enlarged, so that they do not run into each other's names.
 const LEAST_WIDTH: u32 = 272;
+/// Higher than this none is enlarged.
+const MOST_HEIGHT: u32 = 4096;
 const GAP: u32 = 8;
 /// Height of a line of text: eight pixels at twice the size, and space.
 const LINE: u32 = 24;
@@ -20,8 +22,9 @@ const INK: [f32; 3] = [0.01; 3];
 fn fit(image: &Image) -> (u32, u32, Vec<[f32; 3]>) {
     let rgb = image.rgb().unwrap_or_default();
     if image.width < LEAST_WIDTH && image.width > 0 {
-        let factor = LEAST_WIDTH.div_ceil(image.width);
-        let (width, height) = (image.width * factor, image.height.saturating_mul(factor));
+        // Tall ones stay as they are.
+        let factor = LEAST_WIDTH.div_ceil(image.width).min((MOST_HEIGHT / image.height.max(1)).max(1));
+        let (width, height) = (image.width * factor, image.height * factor);
         let pixel = |x: u32, y: u32| rgb.get((y / factor * image.width + x / factor) as usize).copied().unwrap_or_default();
         let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| pixel(x, y)).collect();
         return (width, height, pixels);
@@ -116,5 +119,7 @@ mod tests {
             assert!((LEAST_WIDTH..=2 * LEAST_WIDTH).contains(&w) && pixels.len() as u32 == w * h, "{width} to {w}");
             assert!((pixels[(w - 1) as usize][0] - (width - 1) as f32 / width as f32).abs() < 0.01);
         }
+        let (w, h, pixels) = fit(&image(1, 60_000));
+        assert!((w, h) == (1, 60_000) && pixels.len() == 60_000);
     }
 }
