@@ -30,6 +30,8 @@ class RenderSettings(TypedDict, total=False):
     """Path length from which Russian roulette may end a path."""
     max_splits: int | None
     """Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one."""
+    guiding: str | None
+    """Whether paths are guided to where light was found to come from: auto (where a trial says that it pays), on, off."""
     light_sampler: str | None
     """Which lights next-event estimation chooses: bvh, power, uniform."""
     ao_distance: float | None

@@ -29,6 +29,8 @@ params! {
         rr_depth: Option<u32> = None, "integer", "edges";
         /// Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one.
         max_splits: Option<u32> = None, "integer", "paths";
+        /// Whether paths are guided to where light was found to come from: auto (where a trial says that it pays), on, off.
+        guiding: Option<String> = None, "name", "";
         /// Which lights next-event estimation chooses: bvh, power, uniform.
         light_sampler: Option<String> = None, "name", "";
         /// Reach of ambient occlusion; unlimited where not given.

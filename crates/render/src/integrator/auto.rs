@@ -99,7 +99,7 @@ impl Method {
 
 /// The method that a pilot finds best.
 pub struct Auto {
-    /// Never prepared: copies of it do not split in the pilot.
+    /// Guided where that pays, but not split, which the pilot is too short for, before it is chosen.
     path: Path,
     settings: PhotonSettings,
     chosen: Box<dyn Integrator>,
@@ -166,6 +166,7 @@ impl Auto {
         let by_photons = attempt(Method::Sppm)?;
         let error = |method: Method, means: &Means| {
             let cost = method.cost(f64::from(photons) / f64::from(pixels));
+            let cost = if method == Method::Path { self.path.cost() } else { cost };
             (method, means.error(&by_photons, method.samples()) * cost)
         };
         let mut errors = vec![error(Method::Sppm, &by_photons)];
@@ -213,6 +214,7 @@ fn compared(errors: &[(Method, f64)], chosen: Method) -> String {
 impl Integrator for Auto {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         let mut chosen = Method::Path;
+        self.path.guide(scene, stage);
         let focused = self.focused_share(scene, stage);
         let percent = focused * 100.0;
         let why = if focused < LEAST_FOCUSED || (stage.is_cancelled)() {
@@ -224,7 +226,14 @@ impl Integrator for Auto {
             chosen = best(&errors);
             format!("{percent:.2}% of the light is focused by mirrors or glass, and {}", compared(&errors, chosen))
         };
-        self.notes = vec![format!("auto: {}{}; {why}", chosen.name(), chosen.bias())];
+        let guided = if chosen == Method::Path && self.path.is_guided() { "guided " } else { "" };
+        self.notes = vec![format!("auto: {guided}{}{}; {why}", chosen.name(), chosen.bias())];
+        if chosen == Method::Path {
+            let mut path = self.path.clone();
+            path.split(scene, stage);
+            self.chosen = Box::new(path);
+            return Ok(());
+        }
         self.chosen = self.create(chosen, self.settings.clone());
         self.chosen.prepare(scene, stage)
     }

@@ -13,6 +13,7 @@ pub mod bidirectional;
 mod caustic_map;
 mod caustics;
 pub mod emission;
+mod guiding;
 mod illuminance;
 pub mod irradiance;
 mod light;
@@ -40,6 +41,7 @@ mod whitted;
 pub use ao::AmbientOcclusion;
 pub use auto::Auto;
 pub use bdpt::Bdpt;
+pub use guiding::Guiding;
 pub use illuminance::Illuminance;
 pub use light::LightTracer;
 pub use mlt::Mlt;
@@ -288,6 +290,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     let mut path = Path::new(max_depth.unwrap_or(u32::MAX), rr_depth);
     path.max_splits = settings.max_splits.unwrap_or(16);
+    path.guiding = settings.guiding.as_deref().map_or(Ok(Guiding::Auto), Guiding::from_name)?;
     Ok(match name {
         "auto" => Box::new(Auto::new(path, photons()?)),
         "path" => Box::new(path),

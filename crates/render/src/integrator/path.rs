@@ -12,12 +12,13 @@
 use arrayvec::ArrayVec;
 
 use super::caustics::{Caustics, Place, Start};
+use super::guiding::{COST, Directions, Guide, Guiding, Lesson, can_guide};
 use super::light_sampling::{context, infinite, pdf_surface, sample_one, visibility};
 use super::splitting::{Probe, Splits};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Stage, Vertex};
 use crate::accel::Ray;
-use crate::bsdf::{Bsdf, Lobe, TransportMode};
+use crate::bsdf::{Bsdf, BsdfSample, Lobe, TransportMode};
 use crate::camera::CameraRay;
 use crate::light::LightContext;
 use crate::material::Scatter;
@@ -47,7 +48,11 @@ pub struct Path {
     /// Most paths that go on from the first surface that scatters a path; 1 for none but one. How many do is decided by
     /// [`Integrator::prepare`], for each part of the picture.
     pub max_splits: u32,
-    splits: Option<Splits>,
+    pub(super) splits: Option<Splits>,
+    /// Whether paths are guided to where light has been found to come from; decided by [`Integrator::prepare`] as well.
+    pub guiding: Guiding,
+    pub(super) guide: Option<Guide>,
+    pub(super) note: Option<String>,
 }
 
 /// The cone of directions that a path's sample stands for, after Akenine-Möller et al. 2019 (Ray Tracing Gems ch. 20).
@@ -83,8 +88,13 @@ struct State<T> {
     last: Vertex,
     depth: u32,
     crossings: u32,
-    /// Product of squared relative indices: radiance is denser inside glass, which is no reason for roulette to spare the path.
-    eta_scale: f32,
+    /// What roulette takes the throughput times: squared relative indices, as radiance is denser inside glass, and how many more paths go
+    /// this way than the surfaces alone would send.
+    spare: f32,
+    guided: f32,
+    /// What the camera is to see by this path: the throughput at its first guided vertex times what the surface there sends back in the
+    /// mean; 0 before.
+    seen: f32,
     media: MediumStack,
     rng: HashRng,
     trail: T,
@@ -102,10 +112,8 @@ struct State<T> {
 
 impl Integrator for Path {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
-        self.splits = None;
-        if self.max_splits > 1 && self.max_depth > 1 {
-            self.splits = Some(Splits::plan(self, scene, stage, self.max_splits));
-        }
+        self.guide(scene, stage);
+        self.split(scene, stage);
         Ok(())
     }
 
@@ -114,7 +122,7 @@ impl Integrator for Path {
             let (least, mean, most) = splits.summary();
             format!("path: {mean:.1} paths go on from where a camera ray is scattered first ({least} to {most} by place)")
         };
-        self.splits.iter().filter(|s| s.summary().2 > 1).map(describe).collect()
+        self.note.iter().cloned().chain(self.splits.iter().filter(|s| s.summary().2 > 1).map(describe)).collect()
     }
 
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
@@ -125,7 +133,33 @@ impl Integrator for Path {
 impl Path {
     /// Paths of at most `max_depth` scattering events, of which roulette may end those with `rr_depth` or more; they do not split.
     pub fn new(max_depth: u32, rr_depth: u32) -> Self {
-        Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None }
+        Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None, guiding: Guiding::Off, guide: None, note: None }
+    }
+
+    /// Learns where light comes from, where that is wanted and pays; forgets how paths split.
+    pub(super) fn guide(&mut self, scene: &Scene, stage: &Stage) {
+        self.splits = None;
+        (self.guide, self.note) = Guide::prepare(self, scene, stage);
+    }
+
+    /// Decides how many paths go on from where one is scattered.
+    pub(super) fn split(&mut self, scene: &Scene, stage: &Stage) {
+        self.splits = (self.max_splits > 1 && self.max_depth > 1).then(|| Splits::plan(self, scene, stage, self.max_splits));
+    }
+
+    /// Whether paths are guided.
+    pub(super) fn is_guided(&self) -> bool {
+        self.guide.is_some()
+    }
+
+    /// What a path costs in paths that are not guided.
+    pub(super) fn cost(&self) -> f64 {
+        if self.guide.is_some() { COST } else { 1.0 }
+    }
+
+    /// The same paths before anything was decided for them, which do not split.
+    pub(super) fn alone(&self) -> Self {
+        Self { max_splits: 1, splits: None, guiding: Guiding::Off, guide: None, note: None, ..self.clone() }
     }
 
     /// An estimate that leaves caustics to another method.
@@ -177,7 +211,9 @@ impl Path {
             last: Vertex { ctx: LightContext { p: ray.o, n: Vec3::ZERO }, pdf: f32::INFINITY, on_segment: None },
             depth: 0,
             crossings: 0,
-            eta_scale: 1.0,
+            spare: 1.0,
+            guided: 1.0,
+            seen: 0.0,
             media: if MEDIA { scene.camera_medium } else { MediumStack::VACUUM },
             rng: if MEDIA { stream.rng() } else { HashRng::default() },
             trail: caustics.start(stream),
@@ -259,7 +295,7 @@ impl Path {
                         path.cone.scatter(vertex.pdf);
                         path.last = vertex;
                         path.depth += 1;
-                        if !self.survives(path.depth, &mut path.throughput, path.eta_scale, &mut stream.part(1)) {
+                        if !self.survives(path.depth, &mut path.throughput, path.spare, &mut stream.part(1)) {
                             return path.edges;
                         }
                         continue;
@@ -298,6 +334,10 @@ impl Path {
             if last_edge && !scene.has_null {
                 return path.edges;
             }
+            let directions = self.guide.as_ref().and_then(|guide| guide.at(&s, &scatter, wo));
+            if let Some(lessons) = &mut probe.lessons {
+                lessons.extend(Lesson::at(&s, &scatter, wo, path.throughput, out));
+            }
             let ctx = context(&s);
             let mut numbers = stream.part(DIRECT_NUMBERS);
             if !last_edge
@@ -307,6 +347,7 @@ impl Path {
             {
                 let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
                 if !f.is_black() {
+                    let bsdf_pdf = directions.as_ref().map_or(bsdf_pdf, |d| d.pdf(direct.sample.wi, bsdf_pdf));
                     let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
                     let unshadowed = path.throughput * f * direct.radiance * (weight / direct.pdf);
                     let visible = visibility(scene, &s, wo, &path.media, &direct.sample, &mut path.rng);
@@ -319,6 +360,11 @@ impl Path {
                 let start = Start { place: Place::Surface(&s, &scatter), wo, media: &path.media };
                 caustics.add(scene, &start, path.throughput, [path.depth, self.max_depth], &mut path.trail, out);
             }
+            if can_guide(&scatter)
+                && let Some(lesson) = probe.lessons.as_mut().and_then(|l| l.last_mut())
+            {
+                lesson.lit(out);
+            }
             if scatter.is_smooth_anywhere() {
                 let first = path.splits > 0;
                 let splits = if first {
@@ -330,7 +376,7 @@ impl Path {
                 };
                 if splits > 1 {
                     path.throughput /= splits as f32;
-                    path.eta_scale *= splits as f32;
+                    path.spare *= splits as f32;
                     path.leaves *= splits;
                     for j in 0..splits {
                         let found = out.radiance;
@@ -339,7 +385,7 @@ impl Path {
                         if MEDIA {
                             child.rng = stream.rng();
                         }
-                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, (&s, &scatter), last_edge, &mut stream) {
+                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, (&s, &scatter, directions), last_edge, &mut stream, probe, out) {
                             let edges = self.follow::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
                             probe.edges_after += edges - path.edges;
                         }
@@ -350,7 +396,7 @@ impl Path {
                     return path.edges;
                 }
             }
-            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter), last_edge, stream) {
+            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter, directions), last_edge, stream, probe, out) {
                 return path.edges;
             }
         }
@@ -363,15 +409,22 @@ impl Path {
         scene: &Scene,
         caustics: &C,
         path: &mut State<C::Trail>,
-        (s, scatter): (&Surface, &Scatter),
+        (s, scatter, directions): (&Surface, &Scatter, Option<Directions>),
         last_edge: bool,
         stream: &mut SampleStream,
+        probe: &mut Probe,
+        out: &Estimate,
     ) -> bool {
         let wo = -path.ray.d;
         let mut numbers = stream.part(SCATTER_NUMBERS);
-        let u_lobe = if scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
+        let u_lobe = if directions.is_some() || scatter.needs_lobe() { numbers.next_1d() } else { numbers.skip_1d() };
         let u = numbers.next_2d();
-        let Some(sample) = scatter.sample(wo, u_lobe, u, TransportMode::Radiance) else { return false };
+        let sample = match &directions {
+            Some(directions) => directions.sample(scatter, wo, u_lobe, u),
+            None => scatter.sample(wo, u_lobe, u, TransportMode::Radiance).map(|sample| (sample, sample.pdf)),
+        };
+        let Some((sample, bsdf_pdf)) = sample else { return false };
+        let carried = path.throughput.luminance();
         path.throughput *= sample.value / sample.pdf;
         if path.throughput.is_black() {
             return false;
@@ -379,7 +432,7 @@ impl Path {
         let o = s.offset_origin(sample.wi);
         path.ray = Ray::new(o, sample.wi);
         if C::ON && !sample.lobe.contains(Lobe::NULL) {
-            caustics.scattered(&mut path.trail, s, scatter, &sample);
+            caustics.scattered(&mut path.trail, s, scatter, &BsdfSample { pdf: bsdf_pdf, ..sample });
         }
         if MEDIA && sample.lobe.contains(Lobe::TRANSMISSION) {
             path.media.cross(scene, s, sample.wi);
@@ -392,19 +445,37 @@ impl Path {
             return false;
         }
         path.depth += 1;
-        path.eta_scale *= fns::sqr(sample.eta);
+        // What a guided path has less because more of them go its way is no reason for roulette to end it either.
+        path.spare *= fns::sqr(sample.eta);
         let pdf = if sample.lobe.contains(Lobe::DELTA) { f32::INFINITY } else { sample.pdf };
         path.cone.scatter(pdf);
+        if can_guide(scatter)
+            && let Some(lesson) = probe.lessons.as_mut().and_then(|l| l.last_mut())
+        {
+            lesson.leave(s.frame.n.dot(sample.wi), sample.wi, pdf, path.throughput, out);
+        }
         path.last = Vertex { ctx: context(s), pdf, on_segment: None };
-        self.survives(path.depth, &mut path.throughput, path.eta_scale, &mut numbers)
+        let Some(directions) = directions else {
+            return self.survives(path.depth, &mut path.throughput, path.spare * path.guided.max(1.0), &mut numbers);
+        };
+        path.guided = (path.guided * sample.pdf / bsdf_pdf).clamp(1e-6, 1e6);
+        if path.seen == 0.0 {
+            path.seen = carried * directions.sent();
+            return true;
+        }
+        let limit = if path.depth >= self.rr_depth { 0.99 } else { 1.0 };
+        let survive = directions.survival(carried, path.seen).min(limit);
+        let survives = numbers.next_1d() < survive;
+        path.throughput /= survive;
+        survives
     }
 
     /// Russian roulette: whether the path goes on, with a throughput that makes up for those that do not. Paths that still carry half of
     /// what they began with are spared: on the scenes of `bench/efficiency.py` the noise of ending them costs more than following them.
     #[inline]
-    fn survives(&self, depth: u32, throughput: &mut Spectrum, eta_scale: f32, numbers: &mut SampleStream) -> bool {
+    fn survives(&self, depth: u32, throughput: &mut Spectrum, spare: f32, numbers: &mut SampleStream) -> bool {
         if depth >= self.rr_depth {
-            let survive = (2.0 * throughput.max_component() * eta_scale).min(0.99);
+            let survive = (2.0 * throughput.max_component() * spare).min(0.99);
             if numbers.next_1d() >= survive {
                 return false;
             }

@@ -16,6 +16,7 @@
 
 use rayon::prelude::*;
 
+use super::guiding::Lesson;
 use super::{Estimate, Path, Stage};
 use crate::math::hash::{mix32, mix64};
 use crate::math::{Vec2, Vec3};
@@ -49,8 +50,12 @@ pub(super) struct Probe {
     edges_before: u32,
     /// Edges of all paths after it.
     pub edges_after: u32,
+    /// Edges of the path that the sample began as.
+    pub edges: u32,
     /// What was found from later vertices on; none where nobody asks.
     found: Option<Vec<Found>>,
+    /// What there is to learn of where light comes from; none where nobody asks.
+    pub lessons: Option<Vec<Lesson>>,
 }
 
 /// What a path has found from a vertex on.
@@ -73,7 +78,9 @@ impl Probe {
             after: [Spectrum::ZERO; CHILDREN as usize],
             edges_before: 0,
             edges_after: 0,
+            edges: 0,
             found: None,
+            lessons: None,
         }
     }
 
@@ -112,6 +119,7 @@ impl Probe {
 
     /// The sample is done.
     pub fn end(&mut self, out: &Estimate, edges: u32) {
+        self.edges = edges;
         if self.edges_before == 0 {
             self.at_split(out, edges);
         }

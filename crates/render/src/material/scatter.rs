@@ -156,6 +156,11 @@ impl Scatter {
         self.parts.iter().any(|p| p.bsdf.lobes().contains(Lobe::DIFFUSE))
     }
 
+    /// True where some model lets light straight through.
+    pub fn has_null(&self) -> bool {
+        self.parts.iter().any(|p| p.bsdf.lobes().contains(Lobe::NULL))
+    }
+
     /// The share of light that passes straight through from `wo`.
     pub fn null_transmittance(&self, wo: Vec3) -> Spectrum {
         let mut t = Spectrum::ZERO;

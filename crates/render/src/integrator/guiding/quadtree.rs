@@ -1,0 +1,166 @@
+//! Distributions of directions: quadtrees over the octahedral square (Cigolle et al. 2014, "A Survey of Efficient Representations for
+//! Independent Unit Vectors", JCGT 3(2)), as in Müller et al. 2017 (doi:10.1111/cgf.13227) over another square.
+
+use crate::math::{ONE_MINUS_EPSILON, Vec2, Vec3};
+
+/// Deepest level: cells of the square's side over 2¹⁰.
+const MOST_LEVELS: u32 = 10;
+/// Cells with more than this share of all light are divided,
+const LEAST_SHARE: f32 = 0.01;
+/// if so many samples show what is in them.
+const LEAST_SAMPLES: usize = 12;
+/// One sample counts at most for this share of the light: those that were found by luck would draw paths to where there is little.
+const MOST_OF_ONE: f32 = 0.05;
+
+/// The point of the unit square for a unit direction.
+#[inline]
+pub(super) fn square_from_direction(d: Vec3) -> Vec2 {
+    let v = d / (d.x.abs() + d.y.abs() + d.z.abs());
+    let p = if v.z >= 0.0 { Vec2::new(v.x, v.y) } else { Vec2::new((1.0 - v.y.abs()).copysign(v.x), (1.0 - v.x.abs()).copysign(v.y)) };
+    p * 0.5 + 0.5
+}
+
+/// The unit direction for a point of the unit square.
+#[inline]
+fn direction_from_square(p: Vec2) -> Vec3 {
+    let q = p * 2.0 - 1.0;
+    let z = 1.0 - q.x.abs() - q.y.abs();
+    let d = if z >= 0.0 { Vec3::new(q.x, q.y, z) } else { Vec3::new((1.0 - q.y.abs()).copysign(q.x), (1.0 - q.x.abs()).copysign(q.y), z) };
+    d.normalize()
+}
+
+/// Density per solid angle over that per area of the square: the face's plane is 1/√3 away, and its area √3 times what it covers.
+#[inline]
+fn density_on_sphere(d: Vec3) -> f32 {
+    let length = 1.0 / (d.x.abs() + d.y.abs() + d.z.abs());
+    0.25 * length * length * length
+}
+
+/// A sample to learn from: a point of the square and the light there over the density with which the point was sampled.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Weighted {
+    pub at: Vec2,
+    pub weight: f32,
+}
+
+/// A cell divided in four: (0, 0), (1, 0), (0, 1), (1, 1).
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    /// Shares of the cell's light.
+    shares: [f32; 4],
+    /// Where the quarters are divided; 0 where they are not.
+    children: [u32; 4],
+}
+
+/// Many trees, each known by its root.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Quadtrees {
+    nodes: Vec<Node>,
+}
+
+impl Quadtrees {
+    /// Adds the tree of some samples, which are reordered, and returns its root; none where they show no light.
+    pub fn add(&mut self, samples: &mut [Weighted]) -> Option<u32> {
+        let sum = |samples: &[Weighted]| samples.iter().map(|s| f64::from(s.weight)).sum::<f64>() as f32;
+        let most = sum(samples) * MOST_OF_ONE;
+        for s in samples.iter_mut() {
+            s.weight = s.weight.min(most);
+        }
+        let total = sum(samples);
+        if !(total > 0.0 && total.is_finite()) {
+            return None;
+        }
+        Some(self.divide(samples, Vec2::ZERO, 1.0, total * LEAST_SHARE))
+    }
+
+    /// Appends all trees of another; returns what its roots are to be raised by.
+    pub fn append(&mut self, other: &Self) -> u32 {
+        let offset = self.nodes.len() as u32;
+        let raised = |child: u32| if child == 0 { 0 } else { child + offset };
+        self.nodes.extend(other.nodes.iter().map(|n| Node { children: n.children.map(raised), ..*n }));
+        offset
+    }
+
+    fn divide(&mut self, samples: &mut [Weighted], corner: Vec2, size: f32, least: f32) -> u32 {
+        let half = 0.5 * size;
+        let middle = corner + half;
+        let by_y = partition(samples, |s| s.at.y < middle.y);
+        let (low, high) = samples.split_at_mut(by_y);
+        let (a, b) = (partition(low, |s| s.at.x < middle.x), partition(high, |s| s.at.x < middle.x));
+        let ((q0, q1), (q2, q3)) = (low.split_at_mut(a), high.split_at_mut(b));
+        let quarters = [q0, q1, q2, q3];
+        let light: [f32; 4] = std::array::from_fn(|i| quarters[i].iter().map(|s| s.weight).sum());
+        let total: f32 = light.iter().sum();
+        // Quarters in which nothing was seen yet may have some.
+        let shares = if total > 0.0 { light.map(|l| 0.97 * l / total + 0.0075) } else { [0.25; 4] };
+        let index = self.nodes.len() as u32;
+        self.nodes.push(Node { shares, children: [0; 4] });
+        for (i, quarter) in quarters.into_iter().enumerate() {
+            if light[i] > least && quarter.len() >= LEAST_SAMPLES && half * (1u32 << MOST_LEVELS) as f32 > 1.0 {
+                let corner = corner + Vec2::new((i & 1) as f32, (i >> 1) as f32) * half;
+                self.nodes[index as usize].children[i] = self.divide(quarter, corner, half, least);
+            }
+        }
+        index
+    }
+
+    /// Samples a direction by two numbers; returns its density per solid angle as well.
+    #[inline]
+    pub fn sample(&self, root: u32, mut u: Vec2) -> (Vec3, f32) {
+        let (mut corner, mut size, mut pdf, mut node) = (Vec2::ZERO, 1.0f32, 1.0f32, root);
+        loop {
+            let Node { shares, children } = &self.nodes[node as usize];
+            let upper = u32::from(choose(&mut u.y, shares[0] + shares[1]));
+            let row = (2 * upper) as usize;
+            let right = u32::from(choose(&mut u.x, shares[row] / (shares[row] + shares[row + 1])));
+            let i = row + right as usize;
+            size *= 0.5;
+            corner += Vec2::new(right as f32, upper as f32) * size;
+            pdf *= 4.0 * shares[i];
+            node = children[i];
+            if node == 0 {
+                let d = direction_from_square(corner + u * size);
+                return (d, pdf * density_on_sphere(d));
+            }
+        }
+    }
+
+    /// The density per solid angle of a direction.
+    #[inline]
+    pub fn pdf(&self, root: u32, d: Vec3) -> f32 {
+        let mut p = square_from_direction(d).clamp(Vec2::ZERO, Vec2::splat(ONE_MINUS_EPSILON));
+        let (mut pdf, mut node) = (1.0f32, root);
+        loop {
+            let Node { shares, children } = &self.nodes[node as usize];
+            p *= 2.0;
+            let (right, upper) = (p.x >= 1.0, p.y >= 1.0);
+            p -= Vec2::new(f32::from(u8::from(right)), f32::from(u8::from(upper)));
+            let i = usize::from(right) + 2 * usize::from(upper);
+            pdf *= 4.0 * shares[i];
+            node = children[i];
+            if node == 0 {
+                return pdf * density_on_sphere(d);
+            }
+        }
+    }
+}
+
+/// Whether a number is in the part above the share `low`; the number becomes one of that part.
+#[inline]
+fn choose(u: &mut f32, low: f32) -> bool {
+    let above = *u >= low;
+    *u = if above { (*u - low) / (1.0 - low) } else { *u / low }.min(ONE_MINUS_EPSILON);
+    above
+}
+
+/// Puts those for which something holds before the others, in an order that depends on nothing but theirs; returns how many.
+fn partition<T>(items: &mut [T], holds: impl Fn(&T) -> bool) -> usize {
+    let mut end = 0;
+    for i in 0..items.len() {
+        if holds(&items[i]) {
+            items.swap(i, end);
+            end += 1;
+        }
+    }
+    end
+}
