@@ -1,5 +1,5 @@
-//! What holds for a texture at every point, so that renderers need not evaluate it: whether it lets light through, and whether it looks at
-//! surface coordinates. Both answers err on the safe side.
+//! What holds for a texture at every point, so that renderers need not evaluate it: whether it lets light through, whether it shows light
+//! from behind, and whether it looks at surface coordinates. All answers err on the safe side.
 
 use crate::texture::TextureFill;
 use crate::{Color, Normal, NormalFill, PatternKind, Pigment, PigmentFill, Texture};
@@ -67,6 +67,17 @@ impl Texture {
         }
     }
 
+    /// Whether some layer scatters light that shines on the other side (`diffuse` with a second number).
+    pub fn shows_light_behind(&self) -> bool {
+        match self {
+            Self::Layers(layers) => layers.iter().any(|l| l.finish.diffuse_back != 0.0),
+            Self::Patterned(patterned) => match &patterned.fill {
+                TextureFill::Textures(map) => map.entries.iter().any(|(_, t)| t.shows_light_behind()),
+                TextureFill::List(list) | TextureFill::Image(_, list) => list.iter().any(Self::shows_light_behind),
+            },
+        }
+    }
+
     /// Whether surface coordinates may change it.
     pub fn uses_uv(&self) -> bool {
         match self {
@@ -94,6 +105,17 @@ mod tests {
         patterned.fill = PigmentFill::Colors(Arc::new(BlendMap { entries: vec![(0.0, a), (1.0, b)] }));
         patterned.uv_mapping = uv_mapping;
         Pigment::Patterned(Box::new(patterned))
+    }
+
+    #[test]
+    fn light_from_behind_shows_in_parts() {
+        let layer =
+            |diffuse_back| Layer { finish: Arc::new(crate::Finish { diffuse_back, ..crate::Finish::default() }), ..Layer::default() };
+        let [plain, both] = [0.0, 0.3].map(|d| Texture::Layers(vec![layer(0.0), layer(d)]));
+        assert!(!plain.shows_light_behind() && both.shows_light_behind());
+        let list =
+            |parts| Texture::Patterned(Box::new(crate::PatternedTexture::new(Pattern::default(), TextureFill::List(Arc::new(parts)))));
+        assert!(!list(vec![plain.clone()]).shows_light_behind() && list(vec![plain, both]).shows_light_behind());
     }
 
     #[test]

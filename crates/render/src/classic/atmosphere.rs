@@ -44,9 +44,6 @@ impl ClassicWorld {
     /// Colors of several fogs add up, what they let through multiplies (measured).
     pub(super) fn hazed(&self, color: DVec3, line: &Line, t: f64) -> DVec3 {
         let scene = &self.scene;
-        if scene.fogs.is_empty() && scene.rainbows.is_empty() {
-            return color;
-        }
         let t = t.min(FAR);
         let mut passing = DVec3::ONE;
         let mut added = DVec3::ZERO;

@@ -31,6 +31,8 @@ pub(super) struct Rays {
     up: DVec3,
     forward: DVec3,
     size: DVec2,
+    /// 1 / size.
+    inverse: DVec2,
     mesh: Option<MeshRays>,
 }
 
@@ -45,11 +47,13 @@ impl Rays {
             CameraKind::Mesh(mesh) => Some(MeshRays::new(mesh, &camera, size)),
             _ => None,
         };
+        let size = DVec2::new(f64::from(size[0].max(1)), f64::from(size[1].max(1)));
         Self {
             right: camera.right.normalize_or(DVec3::X),
             up: camera.up.normalize_or(DVec3::Y),
             forward: camera.direction.normalize_or(DVec3::Z),
-            size: DVec2::new(f64::from(size[0].max(1)), f64::from(size[1].max(1))),
+            size,
+            inverse: size.recip(),
             mesh,
             camera,
         }
@@ -77,8 +81,8 @@ impl Rays {
 
     /// The ray through a point of the picture in pixels, from the upper left corner; `None` where the camera sees nothing.
     pub(super) fn line(&self, world: &ClassicWorld, picture: DVec2, lens: DVec2) -> Option<Line> {
-        let x = picture.x / self.size.x - 0.5;
-        let y = 0.5 - picture.y / self.size.y;
+        let x = picture.x * self.inverse.x - 0.5;
+        let y = 0.5 - picture.y * self.inverse.y;
         let camera = &self.camera;
         let mut o = camera.location;
         let angle = camera.angle;

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_4, PI};
 use std::sync::atomic::AtomicU32;
 
-use crate::solid::{Line, World};
+use crate::solid::{Line, Outlook, World};
 
 /// A light source ready for use.
 pub(super) struct Lamp {
@@ -16,8 +16,12 @@ pub(super) struct Lamp {
     axis: DVec3,
     cos_radius: f64,
     cos_falloff: f64,
+    /// Neither direction nor distance change its color.
+    is_even: bool,
     /// What its light has to pass.
     pub(super) gate: Option<World>,
+    /// What is seen from its place, where light from all others comes differently or not at all.
+    pub(super) outlook: Option<Outlook>,
     /// What blocked its light last, for [`World::shadow`].
     pub(super) last_blocker: AtomicU32,
 }
@@ -30,10 +34,18 @@ impl Lamp {
             axis,
             cos_radius: cos(light.radius),
             cos_falloff: cos(light.falloff),
+            is_even: light.kind == LightKind::Point && !fades(light),
+            outlook: None,
             gate: light.projected_through.as_ref().map(|o| World::new(std::slice::from_ref(o))),
             light: light.clone(),
             last_blocker: AtomicU32::new(u32::MAX),
         }
+    }
+
+    /// Finds out what is seen from its place, for shadows.
+    pub(super) fn look_around(&mut self, world: &World) {
+        let is_point = !self.light.parallel && self.light.area.is_none() && !self.light.shadowless;
+        self.outlook = if is_point { world.outlook(self.light.location) } else { None };
     }
 
     /// Unit direction from a point to the light, and the distance that shadow rays go.
@@ -56,6 +68,9 @@ impl Lamp {
     /// The color at a point for light from a place of the lamp: fading with distance and falloff from the axis.
     pub(super) fn color(&self, location: DVec3, p: DVec3) -> DVec3 {
         let light = &self.light;
+        if self.is_even {
+            return light.color;
+        }
         let away = p - location;
         let distance = away.length();
         let cone = match light.kind {
@@ -72,7 +87,7 @@ impl Lamp {
     /// 2 / (1 + (d / fade_distance) ^ fade_power) (documentation, "Light Fading").
     pub(super) fn fading(&self, distance: f64) -> f64 {
         let light = &self.light;
-        if light.fade_power <= 0.0 || light.fade_distance == 0.0 {
+        if !fades(light) {
             return 1.0;
         }
         2.0 / (1.0 + fns::pow(distance / light.fade_distance.abs(), light.fade_power))
@@ -153,6 +168,11 @@ impl Lamp {
         let a = n.cross(helper).normalize_or(DVec3::X);
         (a * length, n.cross(a) * length)
     }
+}
+
+/// Whether its light gets weaker with the distance.
+fn fades(light: &Light) -> bool {
+    !(light.fade_power <= 0.0 || light.fade_distance == 0.0)
 }
 
 fn tighten(v: f64, tightness: f64) -> f64 {

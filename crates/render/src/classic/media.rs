@@ -180,9 +180,10 @@ impl Tracer<'_, '_> {
     fn lamps_at(&mut self, p: DVec3, lamps: &[&Lamp]) -> Vec<(DVec3, DVec3)> {
         let mut lights = Vec::new();
         for &lamp in lamps {
-            let color = self.lamp_color(lamp, p);
+            let towards = lamp.towards(p);
+            let color = self.lamp_color(lamp, p, towards);
             if color != DVec3::ZERO {
-                lights.push((lamp.towards(p).0, color));
+                lights.push((towards.0, color));
             }
         }
         lights

@@ -41,7 +41,7 @@ use glam::{DVec2, DVec3};
 
 use crate::math::Vec3;
 use crate::sampler::SampleStream;
-use crate::solid::World;
+use crate::solid::{Outlook, World};
 use crate::spectrum::Spectrum;
 use camera::Rays;
 use images::Pictures;
@@ -74,7 +74,12 @@ pub struct ClassicWorld {
     has_photons: bool,
     /// The camera's place and what it is inside of: where most camera rays begin.
     around_camera: Option<(DVec3, Stack)>,
+    /// What is seen from the camera's place.
+    outlook: Option<Outlook>,
 }
+
+/// Each outlook takes memory; scenes with more lamps have dim ones.
+const LAMPS_THAT_LOOK_AROUND: usize = 64;
 
 impl ClassicWorld {
     /// Prepares a scene for a picture of a size. Pictures that cannot be read are returned as sentences and are black.
@@ -82,7 +87,8 @@ impl ClassicWorld {
         let space = WorkingSpace::new(&scene.settings);
         let (pictures, faults) = Pictures::load(&scene.images, &scene.settings, space);
         let world = World::with_images(&scene.objects, Some(&pictures));
-        let lamps: Vec<Lamp> = scene.lights.iter().map(Lamp::new).collect();
+        let mut lamps: Vec<Lamp> = scene.lights.iter().map(Lamp::new).collect();
+        lamps.iter_mut().take(LAMPS_THAT_LOOK_AROUND).for_each(|l| l.look_around(&world));
         let pattern_objects = scene.pattern_objects.iter().map(|o| World::with_images(std::slice::from_ref(o), Some(&pictures))).collect();
         let lamps_of_group = light::sets(scene);
         let rays = Rays::new(scene.camera.clone(), size);
@@ -99,6 +105,7 @@ impl ClassicWorld {
             photons: None,
             has_photons: scene.settings.photons.is_some(),
             around_camera: None,
+            outlook: None,
         };
         if let Some(settings) = &scene.settings.photons {
             made.photons = photons::PhotonLight::build(&made, settings);
@@ -121,6 +128,7 @@ impl ClassicWorld {
     fn adapt_to_camera(&mut self, size: [u32; 2]) {
         let location = self.rays.location();
         self.around_camera = Some((location, self.around(location)));
+        self.outlook = self.world.outlook(location);
         self.radiosity = None;
         if let Some(settings) = &self.scene.settings.radiosity {
             self.radiosity = Some(radiosity::Cache::build(self, settings, size));

@@ -11,7 +11,7 @@ use super::photons::takes_shadow;
 use super::refract::{attenuation, identity};
 use super::trace::Tracer;
 use super::{ClassicWorld, peak};
-use crate::solid::{Line, RayKind, SolidHit};
+use crate::solid::{Line, Outlook, RayKind, SolidHit};
 
 /// Things nearer to the lit point than this cast no shadow on it: measured, 7e−4 does not and 1.3e−3 does.
 const NEAR: f64 = 1e-3;
@@ -28,23 +28,23 @@ struct Pass {
 }
 
 impl<'a> Tracer<'a, '_> {
-    /// The color of a lamp at a point, after shadows: from its whole area, averaged.
-    pub(super) fn lamp_color(&mut self, lamp: &Lamp, p: DVec3) -> DVec3 {
+    /// The color of a lamp at a point, after shadows: from its whole area, averaged. `towards` is [`Lamp::towards`] of the point.
+    pub(super) fn lamp_color(&mut self, lamp: &Lamp, p: DVec3, towards: (DVec3, f64)) -> DVec3 {
         let color = lamp.color(lamp.light.location, p);
         if peak(color.abs()) == 0.0 {
             return DVec3::ZERO;
         }
         let passing = match &lamp.light.area {
             Some(_) if !lamp.light.shadowless => self.area_passing(lamp, p),
-            _ => self.passing(lamp, lamp.light.location, p),
+            _ => self.passing(lamp, lamp.outlook.as_ref(), p, towards),
         };
         color * passing
     }
 
-    /// The share of a lamp's light, color by color, that arrives at a point from one of the lamp's places.
-    pub(super) fn passing(&mut self, lamp: &Lamp, location: DVec3, p: DVec3) -> DVec3 {
+    /// The share of a lamp's light, color by color, that arrives at a point from one of the lamp's places, in a direction and from a
+    /// distance; `outlook` is that of the place, where there is one.
+    pub(super) fn passing(&mut self, lamp: &Lamp, outlook: Option<&Outlook>, p: DVec3, (d, mut distance): (DVec3, f64)) -> DVec3 {
         let world: &'a ClassicWorld = self.world;
-        let (d, mut distance) = lamp.towards_from(location, p);
         let line = Line { o: p, d };
         if let Some(gate) = &lamp.gate {
             // What is beyond the gate, seen from the lit point, does not matter.
@@ -63,7 +63,8 @@ impl<'a> Tracer<'a, '_> {
         }
         let mut passes: Vec<Pass> = Vec::new();
         let mut dark = false;
-        let blocked = world.world.shadow(&line, NEAR, distance - NEAR, &lamp.last_blocker, &mut |hit| {
+        let outlook = outlook.filter(|_| lamp.gate.is_none());
+        let blocked = world.world.shadow(outlook, &line, NEAR, distance - NEAR, &lamp.last_blocker, &mut |hit| {
             if world.has_photons && takes_shadow(&hit.object.photons, lamp) {
                 dark = true;
                 return false;
@@ -159,7 +160,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let jitter = if grid.area.jitter { self.jitter() } else { DVec2::ZERO };
         let location = grid.lamp.place(&grid.area, i as f64, j as f64, jitter, grid.p);
-        let passing = self.passing(grid.lamp, location, grid.p);
+        let passing = self.passing(grid.lamp, None, grid.p, grid.lamp.towards_from(location, grid.p));
         grid.seen[slot] = Some(passing);
         passing
     }

@@ -43,7 +43,7 @@ impl<T> Few<T> {
 
 /// What all layers at a hit share.
 struct Place<'a, 'h> {
-    ray: &'h Ray,
+    ray: &'h Ray<'h>,
     hit: &'h SolidHit<'a>,
     /// Normal towards the viewer, before perturbation.
     n: DVec3,
@@ -76,18 +76,10 @@ fn through(d: DVec3, n: DVec3, flat: DVec3, ratio: f64) -> Option<DVec3> {
 
 impl<'a> Tracer<'a, '_> {
     /// The light that a surface sends along a ray.
-    pub(super) fn surface(&mut self, ray: &Ray, hit: &SolidHit<'a>) -> Traced {
+    pub(super) fn surface(&mut self, ray: &Ray<'_>, hit: &SolidHit<'a>) -> Traced {
         let world: &'a ClassicWorld = self.world;
         let back = hit.n.dot(ray.line.d) > 0.0;
         let n = if back { -hit.n } else { hit.n };
-        let context = Context { normal: n, ray: ray.line.d, uv: hit.uv, ..world.context(hit.p) };
-        let mut stacks: Few<Stacked<'a>> = Few::new();
-        world.world.textures(hit, back, &mut |weight, texture| {
-            let Some(texture) = texture else { return };
-            texture.resolve(&context, &mut |share, layers, at| {
-                stacks.push(Stacked { weight: weight * share, layers, p: at.p, normal: at.normal, uv: at.uv });
-            });
-        });
         if ray.depth == 0 && self.wants_first && self.first.is_none() {
             self.first = Some(First {
                 p: hit.p,
@@ -99,6 +91,18 @@ impl<'a> Tracer<'a, '_> {
             });
         }
         let mut place = Place { ray, hit, n, view: -ray.line.d, lights: Few::new(), knows_lights: false, around: None, photons: None };
+        // Most surfaces have one texture of one stack.
+        if let Some(layers) = world.world.only_layers(hit, back) {
+            return self.stack(&mut place, &Stacked { weight: 1.0, layers, p: hit.p, normal: n, uv: hit.uv });
+        }
+        let context = Context { normal: n, ray: ray.line.d, uv: hit.uv, ..world.context(hit.p) };
+        let mut stacks: Few<Stacked<'a>> = Few::new();
+        world.world.textures(hit, back, &mut |weight, texture| {
+            let Some(texture) = texture else { return };
+            texture.resolve(&context, &mut |share, layers, at| {
+                stacks.push(Stacked { weight: weight * share, layers, p: at.p, normal: at.normal, uv: at.uv });
+            });
+        });
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for stack in stacks.iter() {
             let traced = self.stack(&mut place, stack);
@@ -119,7 +123,7 @@ impl<'a> Tracer<'a, '_> {
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
         let mut across = None;
-        let mut ratio = || across.get_or_insert_with(|| beyond(&ray.inside, place.hit.object, old, ray.band)).1;
+        let mut ratio = || across.get_or_insert_with(|| beyond(ray.inside, place.hit.object, old, ray.band)).1;
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
@@ -178,7 +182,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let (next, ratio) = across.unwrap_or_else(|| beyond(&ray.inside, place.hit.object, old, ray.band));
+            let (next, ratio) = across.unwrap_or_else(|| beyond(ray.inside, place.hit.object, old, ray.band));
             let beyond = match self.colors(place) {
                 Some(colors) => self.split(place, n, old, colors, weight),
                 _ => self.beyond(place, n, next, ratio, ray.band, weight),
@@ -277,16 +281,16 @@ impl<'a> Tracer<'a, '_> {
                     for j in 0..columns {
                         let jitter = if area.jitter { self.jitter() } else { DVec2::ZERO };
                         let location = lamp.place(&area, f64::from(i), f64::from(j), jitter, hit.p);
-                        let (d, _) = lamp.towards_from(location, hit.p);
-                        if self.can_light(hit, n, d) {
-                            add(d, lamp.color(location, hit.p) * self.passing(lamp, location, hit.p) * share);
+                        let towards = lamp.towards_from(location, hit.p);
+                        if self.can_light(hit, n, towards.0) {
+                            add(towards.0, lamp.color(location, hit.p) * self.passing(lamp, None, hit.p, towards) * share);
                         }
                     }
                 }
             } else {
-                let (d, _) = lamp.towards(hit.p);
-                if self.can_light(hit, n, d) {
-                    add(d, self.lamp_color(lamp, hit.p));
+                let towards = lamp.towards(hit.p);
+                if self.can_light(hit, n, towards.0) {
+                    add(towards.0, self.lamp_color(lamp, hit.p, towards));
                 }
             }
         }
@@ -294,15 +298,7 @@ impl<'a> Tracer<'a, '_> {
 
     /// Whether light from a direction can count: from the viewer's side, or from the other if something there answers.
     fn can_light(&self, hit: &SolidHit<'a>, n: DVec3, d: DVec3) -> bool {
-        d.dot(n) > 0.0 || hit.object.double_illuminate || self.answers_behind(hit)
-    }
-
-    fn answers_behind(&self, hit: &SolidHit<'a>) -> bool {
-        let mut found = false;
-        self.world.world.textures(hit, false, &mut |_, texture| {
-            found |= texture.and_then(|t| t.layers()).is_none_or(|layers| layers.iter().any(|l| l.finish.diffuse_back != 0.0));
-        });
-        found
+        d.dot(n) > 0.0 || hit.object.double_illuminate || self.world.world.shows_light_behind(hit.leaf)
     }
 
     /// What a mirror shows.
@@ -321,7 +317,7 @@ impl<'a> Tracer<'a, '_> {
             level: place.ray.level + 1,
             depth: place.ray.depth + 1,
             weight,
-            inside: place.ray.inside.clone(),
+            inside: place.ray.inside,
             gather: place.ray.gather,
             band: place.ray.band,
         };
@@ -339,7 +335,7 @@ impl<'a> Tracer<'a, '_> {
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for i in 0..colors {
             let band = Some((f64::from(i) + 0.5) / f64::from(colors));
-            let (next, ratio) = beyond(&place.ray.inside, place.hit.object, old, band);
+            let (next, ratio) = beyond(place.ray.inside, place.hit.object, old, band);
             let seen = self.beyond(place, n, next, ratio, band, weight);
             sum.color += seen.color * band_color(i, colors);
             sum.alpha += seen.alpha / f64::from(colors);
@@ -358,7 +354,7 @@ impl<'a> Tracer<'a, '_> {
             return Traced { color: DVec3::ZERO, alpha: 1.0, t: 0.0 };
         }
         let level = if ratio == 1.0 { ray.level } else { ray.level + 1 };
-        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: next, gather: ray.gather, band };
+        let on = Ray { line, kind: ray.kind, level, depth: ray.depth + 1, weight, inside: &next, gather: ray.gather, band };
         self.trace(&on)
     }
 }

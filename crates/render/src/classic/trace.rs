@@ -17,7 +17,7 @@ const RAY_LIMIT: u32 = 200_000;
 pub(super) const DEPTH_LIMIT: u32 = 400;
 
 /// A ray to be followed.
-pub(super) struct Ray {
+pub(super) struct Ray<'r> {
     pub(super) line: Line,
     pub(super) kind: RayKind,
     /// How many surfaces made it: 0 from the camera.
@@ -27,7 +27,7 @@ pub(super) struct Ray {
     /// Largest share of its light that arrives at the camera.
     pub(super) weight: f64,
     /// What it is inside of.
-    pub(super) inside: Stack,
+    pub(super) inside: &'r Stack,
     /// How often light between diffuse surfaces was gathered on its way: 0 from the camera.
     pub(super) gather: u32,
     /// Its color, where light has been split by dispersion: from 0 for red to 1 for violet.
@@ -90,26 +90,31 @@ impl<'a, 's> Tracer<'a, 's> {
 
     /// Follows a ray of the camera.
     pub(super) fn camera_ray(&mut self, line: Line, max_distance: f64) -> Traced {
+        let found;
         let inside = match &self.world.around_camera {
-            Some((o, around)) if *o == line.o => around.clone(),
-            _ => self.world.around(line.o),
+            Some((o, around)) if *o == line.o => around,
+            _ => {
+                found = self.world.around(line.o);
+                &found
+            }
         };
         let ray = Ray { line, kind: RayKind::Camera, level: 0, depth: 0, weight: 1.0, inside, gather: 0, band: None };
         self.follow(&ray, max_distance)
     }
 
     /// The light that comes along a ray; black beyond the recursion level.
-    pub(super) fn trace(&mut self, ray: &Ray) -> Traced {
+    pub(super) fn trace(&mut self, ray: &Ray<'_>) -> Traced {
         self.follow(ray, f64::INFINITY)
     }
 
-    fn follow(&mut self, ray: &Ray, max_distance: f64) -> Traced {
+    fn follow(&mut self, ray: &Ray<'_>, max_distance: f64) -> Traced {
         self.rays += 1;
         if ray.level >= self.max_level || ray.depth > DEPTH_LIMIT || self.rays > self.ray_limit {
             return Traced { color: DVec3::ZERO, alpha: 1.0, t: f64::INFINITY };
         }
         let world = self.world;
-        let hit = world.world.nearest(&ray.line, NEAR, max_distance, ray.kind);
+        let outlook = if ray.depth == 0 { world.outlook.as_ref() } else { None };
+        let hit = world.world.nearest_from(outlook, &ray.line, NEAR, max_distance, ray.kind);
         let (mut traced, t) = match &hit {
             Some(hit) => (self.surface(ray, hit), hit.t),
             None => {
@@ -126,15 +131,17 @@ impl<'a, 's> Tracer<'a, 's> {
             let group = hit.as_ref().map_or(0, |h| h.object.light_group);
             if !world.scene.atmosphere.is_empty() || ray.inside.iter().any(|w| w.interior.as_ref().is_some_and(|i| !i.media.is_empty())) {
                 let clear = traced.color;
-                traced.color = self.through_media(clear, &ray.line, t, &ray.inside, group);
+                traced.color = self.through_media(clear, &ray.line, t, ray.inside, group);
                 if gray((traced.color - clear).abs()) > 0.0 {
                     traced.alpha = 1.0;
                 }
             }
-            let before = traced.color;
-            traced.color = world.hazed(before, &ray.line, t);
-            if gray((traced.color - before).abs()) > 0.0 {
-                traced.alpha = 1.0;
+            if !world.scene.fogs.is_empty() || !world.scene.rainbows.is_empty() {
+                let before = traced.color;
+                traced.color = world.hazed(before, &ray.line, t);
+                if gray((traced.color - before).abs()) > 0.0 {
+                    traced.alpha = 1.0;
+                }
             }
         }
         traced.t = t;

@@ -154,7 +154,7 @@ impl Film {
         if !behind.is_empty() {
             return Err(FilmFileError::Damaged(format!("{} bytes after its end", behind.len())));
         }
-        let mut film = Self::with_layout(Arc::clone(&layout), header.rect, header.meta)?;
+        let mut film = Self::with_layout(Arc::clone(&layout), header.rect, header.meta, true)?;
         film.held = header.held;
         film.counters = header.counters;
         film.unpack_blocks(&blocks)?;

@@ -89,7 +89,7 @@ impl Film {
     /// # Errors
     /// As [`FilmSpec::validate`], and [`FilmError::Outside`].
     pub fn tile(spec: &FilmSpec, rect: Rect) -> Result<Self, FilmError> {
-        let mut film = Self::with_layout(Layout::new(spec)?, rect, FilmMeta::default())?;
+        let mut film = Self::with_layout(Layout::new(spec)?, rect, FilmMeta::default(), true)?;
         film.sum_splats()?;
         Ok(film)
     }
@@ -99,11 +99,7 @@ impl Film {
     /// # Errors
     /// [`FilmError::Outside`].
     pub fn new_tile(&self, rect: Rect) -> Result<Self, FilmError> {
-        let mut tile = Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() })?;
-        if self.squares.is_empty() {
-            tile.drop_squares();
-        }
-        Ok(tile)
+        Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() }, self.has_squares())
     }
 
     /// Keeps no sums of squares any more, which takes half of the memory and of the time of a sample: all variances are infinite, and
@@ -138,7 +134,7 @@ impl Film {
         !matches!(self.splats, Splats::Sums(_))
     }
 
-    fn with_layout(layout: Arc<Layout>, rect: Rect, meta: FilmMeta) -> Result<Self, FilmError> {
+    fn with_layout(layout: Arc<Layout>, rect: Rect, meta: FilmMeta, has_squares: bool) -> Result<Self, FilmError> {
         if rect.area() == 0 || !layout.spec.crop.contains_rect(&rect) {
             return Err(FilmError::Outside { inner: rect, outer: layout.spec.crop });
         }
@@ -154,7 +150,7 @@ impl Film {
             held: Held::default(),
             counters: FilmCounters::default(),
             sums: vec![0; pixels * layout.means.len()],
-            squares: vec![0; pixels * SQUARES],
+            squares: if has_squares { vec![0; pixels * SQUARES] } else { Vec::new() },
             weights: vec![0; pixels],
             counts: vec![0; pixels],
             first_indices: if firsts > 0 { vec![NO_INDEX; pixels] } else { Vec::new() },
@@ -216,6 +212,12 @@ impl Film {
         self.counts.iter().copied().max().unwrap_or(0)
     }
 
+    /// The four channels of a picture and nothing else.
+    #[inline]
+    fn is_plain(&self) -> bool {
+        self.squares.is_empty() && self.layout.means.len() == 4 && self.layout.spec.channels.len() == 4
+    }
+
     #[inline]
     fn pixel(&self, x: u32, y: u32) -> usize {
         (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize
@@ -230,6 +232,18 @@ impl Film {
             return;
         }
         let pixel = self.pixel(x, y);
+        if let (true, &[r, g, b, a]) = (weight == 1.0 && self.is_plain(), values)
+            && let Some(sums) = self.sums.get_mut(4 * pixel..4 * pixel + 4)
+            && [r, g, b, a].iter().all(|v| f64::from(v.abs()) < LIMIT)
+        {
+            // What is below, for the usual picture.
+            for (sum, value) in sums.iter_mut().zip([r, g, b, a]) {
+                *sum = sum.wrapping_add(fixed(f64::from(value), SUM_BITS));
+            }
+            self.weights[pixel] = self.weights[pixel].wrapping_add(1 << SUM_BITS);
+            self.counts[pixel] = self.counts[pixel].wrapping_add(1);
+            return;
+        }
         let counters = &mut self.counters;
         let weight = f64::from(finite_or_zero(weight, counters));
         let means = &self.layout.means;

@@ -164,14 +164,16 @@ impl SampleStream {
     }
 
     /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which either
-    /// all are taken or none, so that their order need not be shuffled.
+    /// all are taken or none, so that their order need not be shuffled. `n` is at least 1.
     #[inline]
     pub fn next_grid_2d(&mut self, n: u32) -> Vec2 {
-        let n = n.max(1);
-        let cell = self.index % n.saturating_mul(n);
         let inner = self.next_independent_2d();
-        let at = (Vec2::new((cell % n) as f32, (cell / n) as f32) + inner) / n as f32;
-        at.min(Vec2::splat(ONE_MINUS_EPSILON))
+        // No division where the grid is the usual one, of three.
+        let at = match n {
+            3 => Vec2::new((self.index % 3) as f32, (self.index / 3 % 3) as f32) + inner,
+            _ => Vec2::new((self.index % n.max(1)) as f32, (self.index / n.max(1) % n.max(1)) as f32) + inner,
+        };
+        (at / n.max(1) as f32).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
     /// Passes over a pair, so that the numbers that follow are the same as after [`SampleStream::next_2d`]; returns zeros.

@@ -79,7 +79,7 @@ impl Centers {
     }
 
     fn is_far(&self, a: &[f32; 3], b: &[f32; 3]) -> bool {
-        let difference: f32 = a.iter().zip(b).map(|(a, b)| (a - b).abs()).sum();
+        let difference = (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs();
         difference > self.antialias.threshold
     }
 
@@ -92,12 +92,19 @@ impl Centers {
         let width = r.width() as usize;
         let at = (y - r.y0) as usize * width + (x - r.x0) as usize;
         let rows = self.colors.get(at - width..=at + width)?;
-        let known = [width, width - 1, width + 1, 0, 2 * width].map(|i| rows[i].each_ref().map(|v| v.load(Relaxed)));
-        if known.as_flattened().contains(&UNKNOWN) {
-            return None;
+        let known = |i: usize| {
+            let [r, g, b] = &rows[i];
+            let [r, g, b] = [r.load(Relaxed), g.load(Relaxed), b.load(Relaxed)];
+            let is_known = r != UNKNOWN && g != UNKNOWN && b != UNKNOWN;
+            is_known.then(|| [f32::from_bits(r), f32::from_bits(g), f32::from_bits(b)])
+        };
+        let own = known(width)?;
+        for i in [width - 1, width + 1, 0, 2 * width] {
+            if self.is_far(&own, &known(i)?) {
+                return Some(true);
+            }
         }
-        let [own, around @ ..] = known.map(|color| color.map(f32::from_bits));
-        Some(around.iter().any(|other| self.is_far(&own, other)))
+        Some(false)
     }
 
     fn slot(&self, x: u32, y: u32) -> Option<&[AtomicU32; 3]> {

@@ -340,41 +340,45 @@ impl Session {
         // Workers fill tiles of their own and hand them over under a lock that is held briefly.
         let stand_in = self.film.new_tile(tiles[0])?;
         let film = Mutex::new((std::mem::replace(&mut self.film, stand_in), 0usize, Ok(())));
+        // Tiles that are not in use: as many as threads.
+        let spare: Mutex<Vec<Film>> = Mutex::new(Vec::new());
+        let spare = || spare.lock().unwrap_or_else(PoisonError::into_inner);
         let this: &Self = self;
-        tiles.par_iter().with_max_len(1).for_each_init(
-            || None,
-            |kept: &mut Option<Film>, &rect| {
-                // The first pass is never cut by time: a picture without holes is worth more than a punctual one.
-                let out_of_time = begin > this.first_sample && stop.time.is_some_and(|t| start.elapsed() >= t);
-                if cancel.is_cancelled() || out_of_time {
-                    return;
+        tiles.par_iter().with_max_len(1).for_each(|&rect| {
+            let mut kept = spare().pop();
+            // The first pass is never cut by time: a picture without holes is worth more than a punctual one.
+            let out_of_time = begin > this.first_sample && stop.time.is_some_and(|t| start.elapsed() >= t);
+            if cancel.is_cancelled() || out_of_time {
+                return;
+            }
+            let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
+            let missing = missing(&lock().0, rect, begin, end);
+            for (a, b) in missing {
+                let fits = kept.as_mut().is_some_and(|tile| tile.empty_for(rect));
+                if !fits {
+                    kept = lock().0.new_tile(rect).ok();
                 }
-                let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
-                let missing = missing(&lock().0, rect, begin, end);
-                for (a, b) in missing {
-                    let fits = kept.as_mut().is_some_and(|tile| tile.empty_for(rect));
-                    if !fits {
-                        *kept = lock().0.new_tile(rect).ok();
-                    }
-                    let Some(tile) = kept else { return };
-                    this.render_tile(tile, rect, a, b);
-                    let mut guard = lock();
-                    let (film, _, result) = &mut *guard;
-                    if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(tile)) {
-                        *result = Err(e);
-                    }
-                }
+                let Some(tile) = &mut kept else { return };
+                this.render_tile(tile, rect, a, b);
                 let mut guard = lock();
-                guard.1 += 1;
-                let share = f64::from(end - begin) * guard.1 as f64 / tiles.len() as f64;
-                let mut status = this.status(begin - this.first_sample, start.elapsed(), stop);
-                if let Some(n) = stop.spp {
-                    let by_spp = (f64::from(begin - this.first_sample) + share) / f64::from(n.max(1));
-                    status.fraction = status.fraction.max(by_spp).min(1.0);
+                let (film, _, result) = &mut *guard;
+                if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(tile)) {
+                    *result = Err(e);
                 }
-                observer.status(&status);
-            },
-        );
+            }
+            if let Some(tile) = kept {
+                spare().push(tile);
+            }
+            let mut guard = lock();
+            guard.1 += 1;
+            let share = f64::from(end - begin) * guard.1 as f64 / tiles.len() as f64;
+            let mut status = this.status(begin - this.first_sample, start.elapsed(), stop);
+            if let Some(n) = stop.spp {
+                let by_spp = (f64::from(begin - this.first_sample) + share) / f64::from(n.max(1));
+                status.fraction = status.fraction.max(by_spp).min(1.0);
+            }
+            observer.status(&status);
+        });
         let (film, done, result) = film.into_inner().unwrap_or_else(PoisonError::into_inner);
         self.film = film;
         result.map(|()| done == tiles.len())
@@ -389,6 +393,8 @@ impl Session {
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
+                // Whether the pixel needs more than its center, once that is known.
+                let mut needs_more = None;
                 for index in begin..end {
                     let weight = match &self.centers {
                         None => {
@@ -406,7 +412,7 @@ impl Session {
                                 self.center(x, y, &mut neighbor);
                                 (neighbor.radiance, neighbor.space(space))
                             };
-                            if !centers.differs(x, y, trace) {
+                            if !*needs_more.get_or_insert_with(|| centers.differs(x, y, trace)) {
                                 // None of this pixel's further samples is needed.
                                 break;
                             }

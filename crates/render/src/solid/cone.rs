@@ -79,6 +79,9 @@ impl Cone {
                 } else {
                     side(0.0);
                 }
+            } else if a > 0.0 {
+                // All of the line is outside of the endless cone, and so of both ends.
+                return;
             }
         } else if b != 0.0 {
             // Parallel to a line of the side.

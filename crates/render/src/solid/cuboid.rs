@@ -35,7 +35,8 @@ impl Cuboid {
                 }
                 continue;
             }
-            let (a, b) = ((lo - o) / d, (hi - o) / d);
+            let inverse = 1.0 / d;
+            let (a, b) = ((lo - o) * inverse, (hi - o) * inverse);
             let side = 2 * axis as u32;
             let (a, b, enter, leave) = if d < 0.0 { (b, a, side + 1, side) } else { (a, b, side, side + 1) };
             if a > near.t {

@@ -29,6 +29,7 @@ pub mod lathe;
 #[cfg(test)]
 mod measured;
 mod mesh;
+mod outlook;
 pub mod ovus;
 pub mod parametric;
 mod plane;
@@ -57,6 +58,7 @@ mod tests;
 
 pub use bounds::Bounds;
 pub use facets::Facet;
+pub use outlook::Outlook;
 pub use probe::WorldProbe;
 pub use world::{PhotonTarget, World};
 

@@ -384,6 +384,47 @@ fn worlds_find_what_scans_find() {
 }
 
 /// Many subtracted parts take the way through hierarchies.
+/// From a camera to anywhere and from anywhere to a light, with planes and things around the place.
+#[test]
+fn outlooks_change_no_answer() {
+    use std::sync::atomic::AtomicU32;
+    let mut r = Random::new(5);
+    for n in [3, 20, 200] {
+        let mut objects: Vec<Arc<Object>> = (0..n)
+            .map(|i| {
+                let m = DMat4::from_translation(r.vector() * 6.0) * DMat4::from_scale(r.vector().abs() * 0.5 + 0.1);
+                moved(if i % 2 == 0 { sphere(0.0, 1.0) } else { cube(1.0) }, m)
+            })
+            .collect();
+        objects.push(arc(Solid::Plane { normal: DVec3::Y, distance: -3.0 }));
+        let world = World::new(&objects);
+        for _ in 0..20 {
+            let place = r.vector() * 6.0;
+            let outlook = world.outlook(place).unwrap();
+            for _ in 0..200 {
+                let p = r.vector() * 8.0;
+                let (d, distance) = ((p - place).normalize(), (p - place).length());
+                let line = Line { o: place, d };
+                let [with, without] = [Some(&outlook), None]
+                    .map(|o| world.nearest_from(o, &line, 1e-4, f64::INFINITY, RayKind::Camera).map(|h| (h.t, h.leaf)));
+                assert_eq!(with, without);
+                let back = Line { o: p, d: -d };
+                let [with, without] = [Some(&outlook), None].map(|o| {
+                    let mut hits = Vec::new();
+                    let blocked = world.shadow(o, &back, 1e-3, distance - 1e-3, &AtomicU32::new(u32::MAX), &mut |hit| {
+                        hits.push(hit.t);
+                        true
+                    });
+                    hits.sort_by(f64::total_cmp);
+                    // What blocks may be found before or behind the others.
+                    (blocked, if blocked { Vec::new() } else { hits })
+                });
+                assert_eq!(with, without);
+            }
+        }
+    }
+}
+
 #[test]
 fn differences_of_many() {
     let mut r = Random::new(8);

@@ -38,6 +38,8 @@ pub(super) struct Leaf {
     pub opaque: bool,
     /// Its textures may look at surface coordinates.
     pub uses_uv: bool,
+    /// Its textures may show light from behind.
+    pub shows_light_behind: bool,
 }
 
 /// What a node is.
@@ -367,6 +369,7 @@ impl<'a> Builder<'a> {
         let box_first = !placed || matches!(shape, Shape::Other(_));
         let opaque = state.cutaway.is_none() && textures().all(|t| t.is_opaque());
         let uses_uv = state.uv_mapping || object.uv_mapping || state.cutaway.is_some() || textures().any(|t| t.uses_uv());
+        let shows_light_behind = state.cutaway.is_some() || textures().any(|t| t.shows_light_behind());
         let hidden = [state.no_image, state.no_reflection, state.no_shadow, state.no_radiosity];
         let resolved = Object {
             world_from_solid: state.world_from_parent,
@@ -399,6 +402,7 @@ impl<'a> Builder<'a> {
             box_first,
             opaque,
             uses_uv,
+            shows_light_behind,
         });
         Some((Kind::Leaf(self.tree.leaves.len() as u32 - 1), bounds, inside))
     }

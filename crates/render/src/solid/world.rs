@@ -1,6 +1,6 @@
 //! All objects of a scene in a hierarchy of boxes.
 
-use std::cell::RefCell;
+use std::cell::Cell;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
@@ -11,10 +11,14 @@ use glam::{DVec2, DVec3};
 use super::bvh::Bvh;
 use super::trace::{Query, RawHit, Scratch};
 use super::tree::{Builder, Kind, NodeId, Tree};
-use super::{Bounds, Crossing, Line, NO_UV, Primitive, RayKind, SolidHit};
+use super::{Bounds, Crossing, Line, NO_UV, Outlook, Primitive, RayKind, SolidHit};
 
 /// So many roots of finite size are tested one by one: a hierarchy over them costs more than it saves.
 const FEW: usize = 4;
+/// Worlds of more roots have no [`Outlook`]s.
+const MOST_IN_OUTLOOKS: usize = 1 << 12;
+/// Nor have those of fewer roots of finite size: to ask costs as much as a simple shape.
+const LEAST_IN_OUTLOOKS: usize = 3;
 
 /// What photons are shot at.
 #[derive(Clone, Debug)]
@@ -32,27 +36,29 @@ pub struct World {
     pub(super) tree: Tree,
     /// Over the roots of finite size, by index into the tree's roots.
     bvh: Bvh,
-    /// Roots that every line is tested against: those without finite box, or all where they are few.
+    /// Roots that every line is tested against: those without finite box.
     each: Vec<u32>,
-    /// The roots of finite size are few.
-    few: bool,
+    /// Roots of finite size, where they are few: the hierarchy is not asked then.
+    few: Vec<u32>,
     /// Roots whose inside has no finite box, or one larger than their surface's.
     unbounded_inside: Vec<u32>,
 }
 
 thread_local! {
-    // Boxed, so that taking one out and putting it back moves a pointer.
-    #[allow(clippy::vec_box)]
-    static SCRATCH: RefCell<Vec<Box<Scratch>>> = const { RefCell::new(Vec::new()) };
+    // Boxed, so that taking it out and putting it back moves a pointer.
+    static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
 }
 
-/// Runs with memory that the thread keeps; queries from within queries get their own.
+/// Runs with memory that the thread keeps; queries from within queries, which are rare, get their own.
+#[inline]
 fn with_scratch<T>(run: impl FnOnce(&mut Scratch) -> T) -> T {
-    let mut scratch = SCRATCH.with_borrow_mut(Vec::pop).unwrap_or_default();
-    let result = run(&mut scratch);
-    scratch.hits.clear();
-    SCRATCH.with_borrow_mut(|pool| pool.push(scratch));
-    result
+    SCRATCH.with(|kept| {
+        let mut scratch = kept.take().unwrap_or_default();
+        let result = run(&mut scratch);
+        scratch.hits.clear();
+        kept.set(Some(scratch));
+        result
+    })
 }
 
 impl World {
@@ -70,8 +76,11 @@ impl World {
         let tree = builder.finish();
         let node = |i: u32| &tree.nodes[tree.roots[i as usize] as usize];
         let roots = 0..tree.roots.len() as u32;
-        let few = roots.clone().filter(|&i| node(i).bounds.is_finite()).count() <= FEW;
-        let each = roots.clone().filter(|&i| (few || !node(i).bounds.is_finite()) && !node(i).bounds.is_empty()).collect();
+        let each = roots.clone().filter(|&i| !node(i).bounds.is_finite() && !node(i).bounds.is_empty()).collect();
+        let mut few: Vec<u32> = roots.clone().filter(|&i| node(i).bounds.is_finite() && !node(i).bounds.is_empty()).collect();
+        if few.len() > FEW {
+            few = Vec::new();
+        }
         let within = |i: Bounds, o: Bounds| i.is_empty() || (o.contains(i.min) && o.contains(i.max));
         let unbounded_inside =
             roots.filter(|&i| node(i).inverse || !node(i).bounds.is_finite() || !within(node(i).inside_bounds, node(i).bounds)).collect();
@@ -103,6 +112,11 @@ impl World {
     /// Whether parts of a leaf have textures of their own, as triangles of a mesh may.
     pub fn has_own_textures(&self, leaf: u32) -> bool {
         self.tree.leaves.get(leaf as usize).is_some_and(|l| !l.own_textures.is_empty() || l.cutaway.is_some())
+    }
+
+    /// Whether the textures of a leaf may show light from behind.
+    pub(crate) fn shows_light_behind(&self, leaf: u32) -> bool {
+        self.tree.leaves.get(leaf as usize).is_some_and(|l| l.shows_light_behind)
     }
 
     /// A hit once more: that of a leaf, with the point as the line's origin.
@@ -139,16 +153,43 @@ impl World {
         self.tree.leaves.len()
     }
 
+    /// What is seen from a place in each direction, for [`World::nearest_from`] and [`World::shadow`]; `None` where that would not help.
+    pub fn outlook(&self, origin: DVec3) -> Option<Outlook> {
+        let boxes = self.tree.roots.iter().map(|&r| self.tree.nodes[r as usize].bounds);
+        if self.tree.roots.len() > MOST_IN_OUTLOOKS || boxes.clone().filter(Bounds::is_finite).count() < LEAST_IN_OUTLOOKS {
+            return None;
+        }
+        Outlook::new(origin, (0..).zip(boxes))
+    }
+
     /// The nearest hit with `t_min` < t < `t_max`; `line.d` is unit.
     pub fn nearest(&self, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
+        self.nearest_from(None, line, t_min, t_max, kind)
+    }
+
+    /// The same; `outlook` is that from the line's origin, where there is one.
+    pub fn nearest_from(&self, outlook: Option<&Outlook>, line: &Line, t_min: f64, t_max: f64, kind: RayKind) -> Option<SolidHit<'_>> {
         let query = Query::new(line, t_min, kind);
         let mut best = None;
         let mut limit = t_max;
+        let listed = outlook.filter(|o| o.origin() == line.o).and_then(|o| o.towards(line.d));
         with_scratch(|scratch| {
             for &i in &self.each {
                 self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
             }
-            if !self.few {
+            if let Some(listed) = listed {
+                for &(i, near) in listed {
+                    if f64::from(near) > limit {
+                        break;
+                    }
+                    self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
+                }
+                return;
+            }
+            for &i in &self.few {
+                self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
+            }
+            if self.few.is_empty() {
                 self.bvh.visit(line, t_min, limit, |i, t| {
                     self.tree.nearest(self.root(i), &query, &mut limit, &mut best, scratch);
                     *t = limit;
@@ -174,12 +215,12 @@ impl World {
                 }
                 true
             };
-            for &i in &self.each {
+            for &i in self.each.iter().chain(&self.few) {
                 if !root(i) {
                     return;
                 }
             }
-            if !self.few {
+            if self.few.is_empty() {
                 self.bvh.visit(line, t_min, t_max, |i, _| root(i));
             }
         });
@@ -188,8 +229,17 @@ impl World {
     /// Visits what light passes on a line between `t_min` and `t_max`, in no particular order, until `visit` returns false; returns whether
     /// something opaque blocks it altogether, which `visit` need not have seen.
     ///
-    /// `last` is what blocked the line before: it is asked first, as it mostly blocks its neighbors too. It changes no answer.
-    pub fn shadow(&self, line: &Line, t_min: f64, t_max: f64, last: &AtomicU32, visit: &mut dyn FnMut(SolidHit<'_>) -> bool) -> bool {
+    /// `last` is what blocked the line before: it is asked first, as it mostly blocks its neighbors too. `outlook` is that from a place
+    /// `t_min` behind the line's end, where there is one. Neither changes an answer.
+    pub fn shadow(
+        &self,
+        outlook: Option<&Outlook>,
+        line: &Line,
+        t_min: f64,
+        t_max: f64,
+        last: &AtomicU32,
+        visit: &mut dyn FnMut(SolidHit<'_>) -> bool,
+    ) -> bool {
         let query = Query::new(line, t_min, RayKind::Shadow);
         with_scratch(|scratch| {
             let before = last.load(Relaxed);
@@ -215,8 +265,16 @@ impl World {
                 }
                 true
             };
-            if self.each.iter().all(|&i| root(i)) && !self.few {
+            if !self.each.iter().all(|&i| root(i)) {
+                return blocked;
+            }
+            if let Some(listed) = outlook.and_then(|o| o.towards(-line.d)) {
+                // What begins farther from the light than the line's origin is behind it.
+                let _ = listed.iter().take_while(|(_, near)| f64::from(*near) <= t_max + t_min).all(|&(i, _)| root(i));
+            } else if self.few.is_empty() {
                 self.bvh.visit(line, t_min, t_max, |i, _| root(i));
+            } else {
+                let _ = self.few.iter().all(|&i| root(i));
             }
             blocked
         })
@@ -273,6 +331,16 @@ impl World {
                 visit(weight, index.and_then(|i| leaf.own_textures.get(i)).map(|t| &**t).or_else(|| own(leaf)));
             });
         }
+    }
+
+    /// The layers that count at a hit where they are those of one texture that is no map; what [`World::textures`] visits otherwise.
+    pub(crate) fn only_layers<'a>(&'a self, hit: &SolidHit<'a>, back: bool) -> Option<&'a [etendue_procedural::Layer]> {
+        let leaf = self.tree.leaves.get(hit.leaf as usize)?;
+        let inner = if back { leaf.object.interior_texture.as_ref() } else { None };
+        if inner.is_none() && (leaf.cutaway.is_some() || !leaf.own_textures.is_empty()) {
+            return None;
+        }
+        inner.or(leaf.object.texture.as_ref())?.layers()
     }
 
     /// Surface coordinates of a hit, which [`SolidHit::uv`] has only where a texture needs them.

@@ -271,7 +271,7 @@ impl<'a> Tracer<'a, '_> {
                 level: 0,
                 depth: DEPTH_LIMIT - 20,
                 weight: 1.0,
-                inside: inside.clone(),
+                inside,
                 band: None,
                 gather: index as u32 + 1,
             };
