@@ -8,8 +8,8 @@ with code 1 where any block of any method differs by more than chance (1% for th
 the allowance explain.
 
 Methods with a blur (`sppm`, `pathmap`, `vcm`, `particles`) are rendered with two radii, and what they would give with none is
-extrapolated: for `sppm`, `pathmap` and `vcm` the error falls with the square of the radius, for `particles`, whose seams along edges are
-dark, with the radius.
+extrapolated: for `pathmap` and `vcm` the error falls with the square of the radius, for `sppm` and `particles`, whose seams along edges
+and borders of media are dark, with the radius.
 
     python bench/methods.py [SCENES_FOLDER] [--etendue target/release/etendue] [--seeds 8] [--effort 1] [--scene NAME] [--method NAME]
 
@@ -45,7 +45,7 @@ METHODS = {
     "particles": (16, 1.0, 0.06),
     "radiosity": (16, None, 0.03),
 }
-BLURRED = {"vcm": 2.0, "sppm": 2.0, "pathmap": 2.0, "particles": 1.0}
+BLURRED = {"vcm": 2.0, "sppm": 1.0, "pathmap": 2.0, "particles": 1.0}
 
 HEAD = """<scene version="3.0.0"><integrator type="path"/>
 <sensor type="perspective"><string name="fov_axis" value="y"/><float name="fov" value="{fov}"/>

@@ -7,7 +7,7 @@
 use std::time::{Duration, Instant};
 
 use etendue_render::film::{Film, FilmSpec};
-use etendue_render::image::{FileFormat, Image, ReadLimits, WriteOptions, linear_from_srgb_u8};
+use etendue_render::image::{FileFormat, Image, ReadLimits, Texels, WriteOptions, is_rare, linear_from_srgb_u8, png_bytes};
 use etendue_render::lightmap::Part;
 use etendue_render::photon::{MapInfo, PhotonMap};
 
@@ -91,6 +91,20 @@ fn ktx2_pictures() {
             }
         }
     }
+}
+
+/// As PNG every number is what it was, and common formats stay as they are.
+#[test]
+fn rare_pictures_as_png() {
+    for ktx2 in [&include_bytes!("data/etc1s.ktx2")[..], include_bytes!("data/uastc.ktx2")] {
+        assert!(is_rare(ktx2, false));
+        let png = png_bytes(ktx2).unwrap();
+        assert!(png.starts_with(b"\x89PNG") && !is_rare(&png, true));
+        let of = |bytes: &[u8]| Texels::from_bytes(bytes, None, None, ReadLimits::default()).unwrap();
+        assert_eq!(of(ktx2), of(&png));
+    }
+    assert!(is_rare(b"GIF89a", true) && !is_rare(b"GIF89a", false) && !is_rare(b"", true));
+    assert!(png_bytes(b"\xABKTX 20\xBB\r\n\x1A\n").is_err());
 }
 
 #[test]

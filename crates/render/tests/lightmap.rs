@@ -265,27 +265,56 @@ fn files_that_are_read_again_show_the_light() {
     }
 }
 
+/// Irradiance of all texels by a method, summed over the channels.
+fn texels_by(bake: &Bake, name: &str, gather: bool, spp: u32) -> Vec<f64> {
+    let is_cancelled = || false;
+    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
+    let method = bake.method(name, gather, &stage, &mut Vec::new()).unwrap();
+    let mut solution = Solution::new(bake.point_count());
+    bake.solve(&method, Stop { spp: Some(spp), ..Stop::default() }, &mut solution, &Cancel::default(), &Quiet);
+    (0..solution.sums.len()).map(|i| solution.irradiance(i).map_or(0.0, |e| f64::from(e[0] + e[1] + e[2]))).collect()
+}
+
 #[test]
 fn all_methods_find_the_same_light() {
     let desc = corner();
     let settings = RenderSettings { photons: Some(100_000), photon_neighbors: Some(32), ..RenderSettings::default() };
-    let is_cancelled = || false;
-    let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});
     let bake = Bake::new(&desc, &settings, &small(), "path").unwrap();
-    let solve = |name: &str, gather: bool, spp: u32| -> Vec<f64> {
-        let method = bake.method(name, gather, &stage, &mut Vec::new()).unwrap();
-        let mut solution = Solution::new(bake.point_count());
-        bake.solve(&method, Stop { spp: Some(spp), ..Stop::default() }, &mut solution, &Cancel::default(), &Quiet);
-        (0..solution.sums.len()).map(|i| solution.irradiance(i).map_or(0.0, |e| f64::from(e[0] + e[1] + e[2]))).collect()
-    };
     // The floor under a wall is dark, but an element that reaches below it has one light for both parts: such texels nobody sees.
-    let path = solve("path", false, 64);
+    let path = texels_by(&bake, "path", false, 64);
     let mean = path.iter().sum::<f64>() / path.len() as f64;
     let sum = |texels: &[f64]| texels.iter().zip(&path).filter(|(_, p)| **p > 0.02 * mean).map(|(t, _)| t).sum::<f64>();
     let cases = [("radiosity", false, 4), ("radiosity", true, 32), ("particles", true, 32), ("particles", false, 4)];
-    let found = cases.map(|(name, gather, spp)| (name, gather, sum(&solve(name, gather, spp)) / sum(&path)));
+    let found = cases.map(|(name, gather, spp)| (name, gather, sum(&texels_by(&bake, name, gather, spp)) / sum(&path)));
     println!("light by method, final gathering, over that of paths: {found:?}");
     assert!(found.iter().all(|(_, _, ratio)| (ratio - 1.0).abs() < 0.02), "method, final gathering, ratio: {found:?}");
+}
+
+/// Rays of a final gather cross fog: it dims what lies behind, scatters the light of the lamp and glows.
+#[test]
+fn media_on_the_way_of_a_final_gather() {
+    let sum = |texels: &[f64]| texels.iter().sum::<f64>();
+    let with = |fog: Option<(f32, f32)>| {
+        let mut desc = corner();
+        if let Some((scattering, emission)) = fog {
+            let none = bsdf(&mut desc, BsdfDesc::Null);
+            let phase = PhaseDesc::HenyeyGreenstein { g: 0.4 };
+            let medium = MediumDesc::Homogeneous { sigma_a: [0.8; 3], sigma_s: [scattering; 3], emission: [emission; 3], phase };
+            let medium = add(&mut desc, medium);
+            let ball = sphere(&mut desc, Vec3::new(0.6, -0.6, 0.9), 0.8, Some(none));
+            desc.shapes[ball.0 as usize].value.interior = Some(medium);
+        }
+        let settings = RenderSettings { photons: Some(100_000), photon_neighbors: Some(32), ..RenderSettings::default() };
+        let bake = Bake::new(&desc, &settings, &small(), "path").unwrap();
+        ["path", "particles"].map(|name| sum(&texels_by(&bake, name, name != "path", 48)))
+    };
+    let clear = with(None)[0];
+    for (name, fog, at_least) in [("absorbs", (0.0, 0.0), -1.0), ("scatters", (3.0, 0.0), -1.0), ("glows", (0.0, 1.0), 0.0)] {
+        let [path, gathered] = with(Some(fog));
+        println!("{name}: {:.3} of the light without fog, gathered {:.3} of that of paths", path / clear, gathered / path);
+        assert!((gathered / path - 1.0).abs() < 0.02, "{name}: {gathered} instead of {path}");
+        assert!(path / clear - 1.0 > at_least && (path / clear - 1.0).abs() > 0.05, "{name}: fog that nobody notices, {path} of {clear}");
+    }
 }
 
 #[test]

@@ -106,6 +106,40 @@ fn the_power_of_media_is_known() {
     assert!((found / known - 1.0).abs() < 0.01, "{found} instead of {known}");
 }
 
+/// Thousands of flames, each a medium of its own: their power is the sum, and a ray costs what it does with few.
+#[test]
+fn thousands_of_flames() {
+    let of = |n: u32| {
+        let mut desc = scene();
+        let none = bsdf(&mut desc, BsdfDesc::Null);
+        let medium = flame(&mut desc, Mat4::IDENTITY, 1.0);
+        let MediumDesc::Grid(grid) = desc.media[medium.0 as usize].value.clone() else { panic!("a flame is a grid") };
+        let volume = desc.volumes[0].value.clone();
+        for i in 1..n * n {
+            let place = Mat4::from_translation(Vec3::new((i % n) as f32, (i / n) as f32, 0.0) * 1.5);
+            let volume = Some(add(&mut desc, VolumeDesc { world_from_volume: place, ..volume.clone() }));
+            let mut own = grid.clone();
+            own.extinction.volume = volume;
+            let source = EmissionSource::Field(FieldDesc { factor: [1.0, 0.5, 0.15], volume });
+            own.emission = Some(MediumEmissionDesc { source, by_absorption: true });
+            let medium = add(&mut desc, MediumDesc::Grid(own));
+            let half = Mat4::from_translation(Vec3::splat(0.5)) * Mat4::from_scale(Vec3::splat(0.5));
+            let cube = shape(&mut desc, GeometryDesc::Cube, place * half, Some(none));
+            fill(&mut desc, cube, medium);
+        }
+        // From above, so that few borders are on the way to a point.
+        perspective(&mut desc, Vec3::new(0.7 * n as f32, 0.7 * n as f32, 500.0), Vec3::ZERO, 40.0);
+        let scene = compile(&desc, &settings(4, 4, 1));
+        let start = std::time::Instant::now();
+        let rays = 20_000;
+        let each = power(&scene, rays) / f64::from(n * n - 1);
+        (each, start.elapsed().as_secs_f64())
+    };
+    let (few, many) = (of(4), of(40));
+    println!("15 flames: {few:?} (power of each, seconds); 1599: {many:?}");
+    assert!((many.0 / few.0 - 1.0).abs() < 0.05, "{} instead of {}", many.0, few.0);
+}
+
 /// A ball that absorbs nothing lights what is outside of it as a point in its middle does.
 #[test]
 fn irradiance_under_a_thin_ball() {

@@ -266,11 +266,11 @@ fn unknown_parameters_are_told() {
 #[test]
 fn what_cannot_be_rendered_is_in_the_loss_report() {
     let desc = world(
-        "Material \"hair\" Shape \"sphere\" MakeNamedMedium \"m\" \"string type\" \"cloud\"\n\
+        "Material \"hair\" Shape \"sphere\" Texture \"t\" \"float\" \"fbm\"\n\
          ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"",
     );
     let features: Vec<&str> = desc.report.losses.iter().map(|l| l.feature.as_str()).collect();
-    assert_eq!(features, ["Material \"hair\"", "medium \"cloud\"", "moving transform"]);
+    assert_eq!(features, ["Material \"hair\"", "Texture \"fbm\"", "moving transform"]);
 }
 
 #[test]
@@ -314,4 +314,26 @@ fn what_is_written_reads_the_same() {
     pbrt::write(&again, &second).unwrap();
     let text = |p: &Path| std::fs::read_to_string(p).unwrap().replace("second_files", "again_files");
     assert_eq!(text(&second).lines().count(), text(&path).lines().count());
+}
+
+/// Full below, nothing but wisps above, and cut off by its box.
+#[test]
+fn clouds_are_grids() {
+    let of = |more: &str| world(&format!("MakeNamedMedium \"m\" \"string type\" \"cloud\" \"rgb sigma_s\" [3 2 1] {more}"));
+    let desc = of("\"float frequency\" 0.7 \"point3 p0\" [-1 0 -1] \"point3 p1\" [1 1 1]");
+    assert!(desc.report.losses.is_empty() && desc.report.faults.is_empty());
+    let volume = &desc.volumes[0].value;
+    let [nx, ny, nz] = volume.size.map(|n| n as usize);
+    assert_eq!((volume.data.len(), nx), (nx * ny * nz, nz));
+    let mean = |y: usize| {
+        let row = |z: usize| volume.data[(z * ny + y) * nx..][..nx].iter().map(|v| f64::from(*v)).sum::<f64>();
+        (0..nz).map(row).sum::<f64>() / (nx * nz) as f64
+    };
+    let [bottom, middle, top] = [0, ny / 2 + 1, ny - 1].map(mean);
+    assert!(bottom > 0.98 && (0.05..0.7).contains(&middle) && top < 0.02, "{bottom}, {middle}, {top}");
+    assert!(volume.data.iter().all(|v| (0.0..=1.0).contains(v)));
+    assert_eq!(volume.world_from_volume.transform_point3(glam::Vec3::ZERO), glam::Vec3::new(-1.0, 0.0, -1.0));
+    for hostile in ["\"float frequency\" 1e38", "\"float wispiness\" 1e38 \"float frequency\" 1"] {
+        assert!(of(hostile).volumes[0].value.data.iter().all(|v| (0.0..=1.0).contains(v)), "{hostile}");
+    }
 }

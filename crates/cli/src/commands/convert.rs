@@ -4,8 +4,10 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use anyhow::Context;
-use etendue_scene::Loss;
-use etendue_scene::formats::{gltf, mitsuba, pbrt};
+use etendue_render::image::{is_rare, png_bytes};
+use etendue_scene::desc::ImageSource;
+use etendue_scene::formats::{Resolver, gltf, mitsuba, pbrt};
+use etendue_scene::{Loss, SceneDesc};
 
 use super::{note, report_losses, triangles};
 use crate::exit::{self, coded};
@@ -32,7 +34,13 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
     if !matches!(extension.as_str(), "xml" | "pbrt" | "gltf" | "glb") {
         return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
-    let desc = triangles(args.scene.read([None, None])?, args.tessellation)?;
+    let mut desc = triangles(args.scene.read([None, None])?, args.tessellation)?;
+    if matches!(extension.as_str(), "xml" | "pbrt") {
+        // pbrt reads GIF, Mitsuba does not.
+        for message in common_pictures(&mut desc, extension == "xml") {
+            note(&message);
+        }
+    }
     if !args.quiet {
         report_losses(&desc);
     }
@@ -49,4 +57,33 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         note(&format!("{}: written, {} losses", args.output.display(), losses.len()));
     }
     Ok(ExitCode::from(exit::OK))
+}
+
+/// Makes PNG of the pictures that neither Mitsuba nor pbrt reads; returns what could not be read, which stays as it is.
+fn common_pictures(desc: &mut SceneDesc, gif: bool) -> Vec<String> {
+    let mut messages = Vec::new();
+    for (i, image) in desc.images.iter_mut().enumerate() {
+        let (name, read);
+        let bytes = match &image.value.source {
+            ImageSource::File(path) => {
+                // The writer says where a file cannot be read.
+                let Ok(bytes) = Resolver::read(path) else { continue };
+                (name, read) = (path.display().to_string(), bytes);
+                &read
+            }
+            ImageSource::Embedded(bytes) => {
+                name = format!("picture {i}");
+                bytes
+            }
+            ImageSource::Pixels { .. } => continue,
+        };
+        if !is_rare(bytes, gif) {
+            continue;
+        }
+        match png_bytes(bytes) {
+            Ok(png) => image.value.source = ImageSource::Embedded(png),
+            Err(e) => messages.push(format!("{name}: copied, not made a PNG, which the other program would read: {e}")),
+        }
+    }
+    messages
 }

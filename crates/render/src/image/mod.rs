@@ -12,6 +12,7 @@ mod ktx2;
 pub mod metrics;
 mod palette;
 mod read;
+mod recode;
 mod texels;
 pub mod tonemap;
 mod write;
@@ -22,6 +23,7 @@ pub use encoding::{ColorEncoding, linear_from_srgb, linear_from_srgb_u8, srgb_fr
 pub use exr_write::{ExrAttribute, ExrOptions};
 pub(crate) use palette::palette_indices;
 pub use read::{ReadLimits, is_exr};
+pub use recode::{is_rare, png_bytes};
 pub use texels::{TexelData, Texels};
 pub use write::{FileFormat, WriteOptions};
 

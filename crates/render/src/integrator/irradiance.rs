@@ -11,6 +11,7 @@ use crate::camera::CameraRay;
 use crate::light::LightContext;
 use crate::math::warp::{UNIFORM_SPHERE_PDF, cosine_hemisphere, cosine_hemisphere_pdf, power_heuristic, uniform_sphere};
 use crate::math::{Frame, Vec2, Vec3};
+use crate::medium::MediumStack;
 use crate::sampler::{HashRng, SampleStream};
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
@@ -106,7 +107,7 @@ impl Receiver<'_> {
             return;
         }
         let ray = Ray::new(s.offset_origin(d), d);
-        let mut radiance = self.emitted_along(&ctx, ray, pdf, &mut rng);
+        let mut radiance = emitted_along(scene, &ctx, ray, pdf, scene.camera_medium, &mut rng);
         if let Some(integrator) = self.indirect {
             estimate.reset(scene.group_names.len());
             integrator.estimate(
@@ -119,44 +120,50 @@ impl Receiver<'_> {
         }
         add(d, radiance * (1.0 / pdf));
     }
+}
 
-    /// Light that comes straight from lights along a ray, through surfaces that let it, weighted against their own sampling.
-    fn emitted_along(&self, ctx: &LightContext, mut ray: Ray, pdf: f32, rng: &mut HashRng) -> Spectrum {
-        let scene = self.scene;
-        let (mut through, mut sum) = (Spectrum::ONE, Spectrum::ZERO);
-        let mut media = scene.camera_medium;
-        for _ in 0..MAX_CROSSINGS {
-            let hit = scene.intersect(&ray);
-            if let Some(medium) = scene.medium(&media) {
-                through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
-            }
-            let Some(s) = hit else {
-                for &light in &scene.infinite_lights {
-                    let radiance = scene.lights[light as usize].escaped(ray.d);
-                    if !radiance.is_black() {
-                        sum += through * radiance * power_heuristic(pdf, pdf_infinite(scene, ctx, light, ray.d));
-                    }
-                }
-                return sum;
-            };
-            let radiance = scene.emitted(&s, -ray.d);
-            if !radiance.is_black() {
-                let weight = s.light(scene).map_or(1.0, |light| power_heuristic(pdf, pdf_surface(scene, ctx, light, &s)));
-                sum += through * radiance * weight;
-            }
-            let material = &scene.materials[s.material as usize];
-            if !material.has_null {
-                return sum;
-            }
-            through *= material.shade(scene, &s, -ray.d).null_transmittance(-ray.d);
-            if through.is_black() {
-                return sum;
-            }
-            if scene.has_media {
-                media.cross(scene, &s, ray.d);
-            }
-            ray = Ray::new(s.offset_origin(ray.d), ray.d);
+/// Light that comes straight from lights along a ray of a density, through media and surfaces that let it, weighted against their own
+/// sampling from `ctx`; `media` are those at the ray's origin.
+pub(super) fn emitted_along(
+    scene: &Scene,
+    ctx: &LightContext,
+    mut ray: Ray,
+    pdf: f32,
+    mut media: MediumStack,
+    rng: &mut HashRng,
+) -> Spectrum {
+    let (mut through, mut sum) = (Spectrum::ONE, Spectrum::ZERO);
+    for _ in 0..MAX_CROSSINGS {
+        let hit = scene.intersect(&ray);
+        if let Some(medium) = scene.medium(&media) {
+            through *= medium.transmittance(&ray, hit.as_ref().map_or(ray.t_max, |s| s.t), rng);
         }
-        sum
+        let Some(s) = hit else {
+            for &light in &scene.infinite_lights {
+                let radiance = scene.lights[light as usize].escaped(ray.d);
+                if !radiance.is_black() {
+                    sum += through * radiance * power_heuristic(pdf, pdf_infinite(scene, ctx, light, ray.d));
+                }
+            }
+            return sum;
+        };
+        let radiance = scene.emitted(&s, -ray.d);
+        if !radiance.is_black() {
+            let weight = s.light(scene).map_or(1.0, |light| power_heuristic(pdf, pdf_surface(scene, ctx, light, &s)));
+            sum += through * radiance * weight;
+        }
+        let material = &scene.materials[s.material as usize];
+        if !material.has_null {
+            return sum;
+        }
+        through *= material.shade(scene, &s, -ray.d).null_transmittance(-ray.d);
+        if through.is_black() {
+            return sum;
+        }
+        if scene.has_media {
+            media.cross(scene, &s, ray.d);
+        }
+        ray = Ray::new(s.offset_origin(ray.d), ray.d);
     }
+    sum
 }

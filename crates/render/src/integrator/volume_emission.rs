@@ -16,11 +16,13 @@ use crate::light::strength;
 use crate::math::{Aabb, Mat4, PiecewiseConstant1D, Vec2, Vec3, warp};
 use crate::medium::{Medium, MediumStack};
 use crate::sampler::HashRng;
-use crate::scene::{Scene, geometry::NONE};
+use crate::scene::Scene;
+use crate::scene::geometry::{Geometry, Object};
 use crate::spectrum::Spectrum;
 
-/// The most cells along an axis.
+/// The most cells along an axis, and those of all grids together: thousands of grids have coarser ones.
 const MOST_CELLS: u32 = 32;
+const ALL_CELLS: u32 = 1 << 19;
 /// The mean weight of cells that is added to all of them.
 const FLOOR: f32 = 0.1;
 /// Shapes of one medium that have boxes of their own; more share one.
@@ -56,7 +58,10 @@ struct Region {
 /// Chooses points of media by power.
 #[derive(Clone, Debug)]
 pub struct VolumeEmission {
+    /// In the order of their media.
     regions: Vec<Region>,
+    /// The first region of each medium of the scene, and the number of all.
+    first: Vec<u32>,
     choice: PiecewiseConstant1D,
     /// About what all media emit, as [`strength`] measures it.
     power: f32,
@@ -68,12 +73,19 @@ impl VolumeEmission {
     /// # Errors
     /// A sentence about media that emit and have no end.
     pub fn new(scene: &Scene) -> Result<Option<Self>, String> {
-        let emitting: Vec<u32> = (0..scene.media.len() as u32).filter(|&m| scene.media[m as usize].emits() && is_used(scene, m)).collect();
-        let mut regions = Vec::new();
-        for medium in emitting {
-            regions.extend(
-                boxes(scene, medium)?.into_iter().filter_map(|(m, size)| Region::new(&scene.media[medium as usize], medium, m, size)),
-            );
+        if !scene.media.iter().any(Medium::emits) {
+            return Ok(None);
+        }
+        let fills = Fills::of_all(scene);
+        let grids = scene.media.iter().filter(|m| m.emits() && matches!(m, Medium::Grid(_))).count();
+        let most_cells = (1..=MOST_CELLS).rev().find(|n| n.pow(3) as usize * grids <= ALL_CELLS as usize).unwrap_or(1);
+        let (mut regions, mut first) = (Vec::new(), vec![0]);
+        for (index, (medium, fills)) in scene.media.iter().zip(&fills).enumerate() {
+            if medium.emits() && (fills.is_used || scene.camera_medium.top() == index as u32) {
+                let found = boxes(scene, index as u32, fills, most_cells)?;
+                regions.extend(found.into_iter().filter_map(|(m, size)| Region::new(medium, index as u32, m, size)));
+            }
+            first.push(regions.len() as u32);
         }
         if regions.is_empty() {
             return Ok(None);
@@ -82,7 +94,7 @@ impl VolumeEmission {
         // The floor keeps every box within what a table of `f32` can tell apart.
         let weights: Vec<f32> = regions.iter().map(|r| (r.power / most).max(1e-3 / regions.len() as f32)).collect();
         let power = regions.iter().map(|r| r.power).sum::<f32>().min(1e30);
-        Ok(Some(Self { choice: PiecewiseConstant1D::new(&weights), regions, power }))
+        Ok(Some(Self { choice: PiecewiseConstant1D::new(&weights), regions, first, power }))
     }
 
     /// About the power of all media in W.
@@ -114,14 +126,16 @@ impl VolumeEmission {
         (power.is_finite() && !power.is_black()).then(|| VolumeRay { ray: Ray::new(p, warp::uniform_sphere(u_direction)), power, media })
     }
 
-    /// The density by volume of points of a medium, of all boxes that hold the point.
+    /// The density by volume of points of a medium, of all its boxes that hold the point: [`MOST_SHAPES`] at most, however many media emit.
     fn density(&self, medium: u32, p: Vec3) -> f32 {
-        let of = |(i, r): (usize, &Region)| {
+        let [begin, end] = [medium, medium + 1].map(|m| self.first[m as usize] as usize);
+        let of = |i: usize| {
+            let r = &self.regions[i];
             let local = r.box_from_world.transform_point3(p);
             let inside = local.cmpge(Vec3::ZERO).all() && local.cmple(Vec3::ONE).all();
             if inside { self.choice.probability(i) * r.density(local) } else { 0.0 }
         };
-        self.regions.iter().enumerate().filter(|(_, r)| r.medium == medium).map(of).sum()
+        (begin..end).map(of).sum()
     }
 }
 
@@ -165,46 +179,70 @@ impl Region {
     }
 }
 
-/// Whether any path can be in a medium.
-fn is_used(scene: &Scene, medium: u32) -> bool {
-    let names = |o: &crate::scene::geometry::Object| o.interior == medium || o.exterior == medium;
-    scene.camera_medium.top() == medium || scene.geometries.iter().flat_map(|g| &g.objects).any(names)
+/// The shapes of a medium, as boxes in the world.
+#[derive(Clone, Debug, Default)]
+struct Fills {
+    inside: Vec<Aabb>,
+    outside: Vec<Aabb>,
+    /// Whether any object names the medium, be it one that is placed nowhere.
+    is_used: bool,
 }
 
-/// Boxes that hold all of a medium (the world from the unit cube), and the cells of each.
-fn boxes(scene: &Scene, medium: u32) -> Result<Vec<(Mat4, [u32; 3])>, String> {
+impl Fills {
+    /// Those of each medium of a scene that emits; empty for others. One pass over all primitives.
+    fn of_all(scene: &Scene) -> Vec<Self> {
+        let emits: Vec<bool> = scene.media.iter().map(Medium::emits).collect();
+        let emits = |medium: u32| emits.get(medium as usize).copied().unwrap_or(false);
+        let concerned = |o: &Object| emits(o.interior) || emits(o.exterior);
+        let mut fills = vec![Self::default(); scene.media.len()];
+        for o in scene.geometries.iter().flat_map(|g| &g.objects) {
+            for medium in [o.interior, o.exterior] {
+                if let Some(fill) = fills.get_mut(medium as usize) {
+                    fill.is_used = true;
+                }
+            }
+        }
+        let bounds_of = |geometry: &Geometry| {
+            let mut bounds = vec![Aabb::EMPTY; geometry.objects.len()];
+            if !geometry.objects.iter().any(concerned) {
+                return bounds;
+            }
+            for (primitive, &object) in geometry.object_of_primitive.iter().enumerate() {
+                if concerned(&geometry.objects[object as usize]) {
+                    let own = match geometry.triangles.get(primitive) {
+                        Some(corners) => Aabb::from_points(corners.map(|i| geometry.positions[i as usize])),
+                        None => geometry.shapes[primitive - geometry.triangles.len()].bounds(),
+                    };
+                    bounds[object as usize] = bounds[object as usize].union(own);
+                }
+            }
+            bounds
+        };
+        let bounds: Vec<Vec<Aabb>> = scene.geometries.iter().map(bounds_of).collect();
+        for placement in &scene.placements {
+            let objects = &scene.geometries[placement.geometry as usize].objects;
+            for (object, &b) in objects.iter().zip(&bounds[placement.geometry as usize]).filter(|(_, b)| !b.is_empty()) {
+                let b = placement.world_from_object.map_or(b, |m| b.transformed(m));
+                if emits(object.interior) {
+                    fills[object.interior as usize].inside.push(b);
+                }
+                if emits(object.exterior) && object.exterior != object.interior {
+                    fills[object.exterior as usize].outside.push(b);
+                }
+            }
+        }
+        fills
+    }
+}
+
+/// Boxes that hold all of a medium (the world from the unit cube), and the cells of each, up to so many along an axis.
+fn boxes(scene: &Scene, medium: u32, fills: &Fills, most_cells: u32) -> Result<Vec<(Mat4, [u32; 3])>, String> {
     if let Medium::Grid(grid) = &scene.media[medium as usize]
         && let Some((m, values)) = grid.bounds()
     {
-        return Ok(vec![(m, values.map(|n| n.clamp(1, MOST_CELLS as i32) as u32))]);
+        return Ok(vec![(m, values.map(|n| n.clamp(1, most_cells as i32) as u32))]);
     }
-    let (mut inside, mut outside) = (Vec::new(), Vec::new());
-    for placement in &scene.placements {
-        let geometry = &scene.geometries[placement.geometry as usize];
-        let concerned = |o: &crate::scene::geometry::Object| o.interior == medium || o.exterior == medium;
-        if !geometry.objects.iter().any(concerned) {
-            continue;
-        }
-        let mut bounds = vec![Aabb::EMPTY; geometry.objects.len()];
-        for (primitive, &object) in geometry.object_of_primitive.iter().enumerate() {
-            if concerned(&geometry.objects[object as usize]) {
-                let own = match geometry.triangles.get(primitive) {
-                    Some(corners) => Aabb::from_points(corners.map(|i| geometry.positions[i as usize])),
-                    None => geometry.shapes[primitive - geometry.triangles.len()].bounds(),
-                };
-                bounds[object as usize] = bounds[object as usize].union(own);
-            }
-        }
-        let world = placement.world_from_object.unwrap_or(Mat4::IDENTITY);
-        for (object, b) in geometry.objects.iter().zip(bounds).filter(|(_, b)| !b.is_empty()) {
-            let b = if placement.world_from_object.is_some() { b.transformed(world) } else { b };
-            if object.interior == medium {
-                inside.push(b);
-            } else if object.exterior == medium && object.exterior != NONE {
-                outside.push(b);
-            }
-        }
-    }
+    let Fills { inside, outside, .. } = fills;
     let whole = inside.iter().fold(Aabb::EMPTY, |a, b| a.union(*b));
     let slack = Vec3::splat(SLACK * whole.bounding_sphere().1);
     let holds = |b: &Aabb| b.min.cmpge(whole.min - slack).all() && b.max.cmple(whole.max + slack).all();
@@ -215,8 +253,6 @@ fn boxes(scene: &Scene, medium: u32) -> Result<Vec<(Mat4, [u32; 3])>, String> {
                     shape (it is around the camera, or outside of a shape) is for path, bdpt, vcm, mlt, mnee and pathmap"
             .into());
     }
-    if inside.len() > MOST_SHAPES {
-        inside = vec![whole];
-    }
-    Ok(inside.into_iter().map(|b| (Mat4::from_translation(b.min) * Mat4::from_scale(b.extent()), [1; 3])).collect())
+    let boxes = if inside.len() > MOST_SHAPES { std::slice::from_ref(&whole) } else { inside };
+    Ok(boxes.iter().map(|b| (Mat4::from_translation(b.min) * Mat4::from_scale(b.extent()), [1; 3])).collect())
 }

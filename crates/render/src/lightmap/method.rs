@@ -3,20 +3,13 @@
 use etendue_scene::RenderSettings;
 
 use super::{BakeError, SurfaceLight};
-use crate::accel::Ray;
-use crate::camera::CameraRay;
-use crate::integrator::{Estimate, Integrator, Path, PhotonSettings, Stage};
-use crate::math::{Frame, INV_PI};
+use crate::integrator::{Integrator, LookUp, Path, PhotonSettings, Stage};
 use crate::photon::PhotonLight;
 use crate::radiosity;
-use crate::sampler::SampleStream;
 use crate::scene::Scene;
-use crate::spectrum::Spectrum;
 
 /// Names of the methods.
 pub const NAMES: [&str; 3] = ["path", "radiosity", "particles"];
-/// Surfaces without substance that a look-up crosses.
-const MAX_CROSSINGS: u32 = 64;
 
 /// How irradiance is found.
 pub enum Method {
@@ -62,7 +55,11 @@ impl Method {
             }
             _ => return Err(BakeError::Setting(format!("no method `{name}`; there are {}", NAMES.join(", ")))),
         };
-        Ok(if gather { Self::Path { indirect: Some(Box::new(LookUp { light })) } } else { Self::Solved(light) })
+        if !gather {
+            return Ok(Self::Solved(light));
+        }
+        let [max_depth, rr_depth] = rest(settings);
+        Ok(Self::Path { indirect: Some(Box::new(LookUp { light, max_depth, rr_depth })) })
     }
 
     /// Samples of a point where the user does not say: methods that trace paths need more than those that look light up.
@@ -73,45 +70,15 @@ impl Method {
         }
     }
 
-    /// Path tracing. The point itself is the first scattering of a path, so the integrator has one less.
+    /// Path tracing.
     pub fn path(settings: &RenderSettings) -> Self {
-        let max_depth = settings.max_depth.unwrap_or(u32::MAX);
-        let rr_depth = settings.rr_depth.unwrap_or(4).min(1000);
-        let indirect = (max_depth > 1).then(|| -> Box<dyn Integrator> {
-            let rest = if max_depth == u32::MAX { max_depth } else { max_depth - 1 };
-            Box::new(Path::new(rest, rr_depth))
-        });
-        Self::Path { indirect }
+        let [max_depth, rr_depth] = rest(settings);
+        Self::Path { indirect: (max_depth > 0).then(|| -> Box<dyn Integrator> { Box::new(Path::new(max_depth, rr_depth)) }) }
     }
 }
 
-/// The light that surfaces scatter as if they were diffuse, from a solution.
-struct LookUp {
-    light: Box<dyn SurfaceLight>,
-}
-
-impl Integrator for LookUp {
-    fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, _stream: &mut SampleStream, out: &mut Estimate) {
-        let mut ray = camera_ray.ray;
-        let mut through = Spectrum::ONE;
-        for _ in 0..MAX_CROSSINGS {
-            let Some(mut s) = scene.intersect(&ray) else { return };
-            let wo = -ray.d;
-            let material = &scene.materials[s.material as usize];
-            let scatter = material.shade(scene, &s, wo);
-            // Solutions are asked for the side that is seen.
-            if s.ng.dot(wo) < 0.0 {
-                s.ng = -s.ng;
-                s.frame = Frame::from_normal(-s.frame.n);
-            }
-            let straight = if material.has_null { scatter.null_transmittance(wo) } else { Spectrum::ZERO };
-            let albedo = scatter.albedo(wo);
-            out.add(through * albedo * self.light.irradiance(scene, &s) * INV_PI, 0);
-            through *= straight;
-            if through.is_black() {
-                return;
-            }
-            ray = Ray::new(s.offset_origin(ray.d), ray.d);
-        }
-    }
+/// Most scatterings of paths, and after how many roulette ends them, without the point itself, which is the first scattering of each.
+fn rest(settings: &RenderSettings) -> [u32; 2] {
+    let max_depth = settings.max_depth.unwrap_or(u32::MAX);
+    [if max_depth == u32::MAX { max_depth } else { max_depth.saturating_sub(1) }, settings.rr_depth.unwrap_or(4).min(1000)]
 }

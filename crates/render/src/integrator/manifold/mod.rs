@@ -6,11 +6,13 @@
 //! leads there again has the reciprocal as mean (Zeltner, Georgiev, Jakob 2020, "Specular Manifold Sampling",
 //! doi:10.1145/3386569.3392408, section 4.3). So the light of chains is estimated without bias.
 //!
-//! Left out, and so missing: chains that fewer than about one start in [`MAX_TRIALS`] finds, and those that are so near to a fold that
-//! single precision cannot tell them from their twins (`walk`).
+//! Left out, and so missing: chains that fewer than about one start in [`MAX_TRIALS`] finds; and to lights that chance cannot meet, those
+//! that are so near to a fold that single precision cannot tell them from their twins (`walk`).
 //!
 //! What chains bring must not count again where a path meets the light by chance, and what they do not look for is left to such
-//! paths. Which of the two it is depends on the path alone, never on what was found ([`Chains::after`], [`Caustics::found`]):
+//! paths. Of surfaces' light each has a share where both find it ([`Chains::share`]): where a chain focuses light so much that paths often
+//! meet the lamp, and next to folds, it is theirs, and the search's noise is bounded by that of paths. Which share it is depends on the
+//! chain alone, never on what was found ([`Chains::after`], [`Caustics::found`]):
 //!
 //! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order,
 //!   and at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
@@ -22,6 +24,7 @@ mod walk;
 
 use super::Estimate;
 use super::caustics::{Caustics, Place, Start};
+use super::light_sampling::beyond;
 use crate::accel::{Hit, Ray};
 use crate::bsdf::{BsdfSample, Lobe};
 use crate::light::{AreaGeometry, Light, LightContext, LightSampler, LightSelection};
@@ -32,7 +35,7 @@ use crate::scene::{Scene, Surface};
 use crate::shape::{Shape, area_to_solid_angle, triangle};
 use crate::spectrum::Spectrum;
 use casters::Casters;
-use walk::{Caster, MAX_VERTICES, Plan, Solution, Target, Tracer};
+use walk::{Beam, Caster, MAX_VERTICES, Plan, Solution, Target, Tracer, follow};
 
 /// Starts after which a chain that was not found again is given up. The mean number of starts is no more than the number of chains and
 /// one, whatever their probabilities.
@@ -46,6 +49,14 @@ const IN_PLAIN_VIEW: f32 = 0.5;
 /// Probabilities that a chain is one that glass reflects at the first vertex, at the second, or at a later one.
 const REFLECTS_AT: [f32; 2] = [0.1, 0.12];
 const REFLECTS_LATER: f32 = 0.06;
+/// For the share of the search in the light of a surface: the ratio of the densities of the search and of paths for a chain whose end
+/// spreads over the square of the surface's radius for each unit of solid angle at its start; the same for chains that glass reflects
+/// over that of others; and the least share for which chains are looked for.
+const SEARCHED: f32 = 0.25;
+const SEARCHED_REFLECTIONS: f32 = 0.1;
+const LEAST_SHARE: f32 = 0.02;
+/// Surfaces between the last vertex and a light that let light straight through.
+const MAX_CROSSINGS: u32 = 64;
 /// No vertex.
 const NOWHERE: u32 = u32::MAX;
 /// How often the point of a light is sampled as for direct light: from where the chain starts most chains see the same side.
@@ -74,7 +85,9 @@ pub(super) struct Followed {
     /// Where it started.
     p: Vec3,
     diffuse: bool,
-    vertices: u32,
+    /// The first edge: its origin and unit direction, once it is known.
+    first: Option<[Vec3; 2]>,
+    plan: Plan,
     glass_has_reflected: bool,
 }
 
@@ -82,13 +95,13 @@ impl Followed {
     /// Chains that start at a place.
     fn from(place: Place) -> Self {
         match place {
-            Place::Surface(s, scatter) => Self::at(s.p, scatter.has_diffuse()),
-            Place::Medium(p, _) => Self::at(p, true),
+            Place::Surface(s, scatter) => Self::at(s.p, scatter.has_diffuse(), None),
+            Place::Medium(p, _) => Self::at(p, true, None),
         }
     }
 
-    fn at(p: Vec3, diffuse: bool) -> Self {
-        Self { p, diffuse, vertices: 0, glass_has_reflected: false }
+    fn at(p: Vec3, diffuse: bool, first: Option<[Vec3; 2]>) -> Self {
+        Self { p, diffuse, first, plan: Plan::default(), glass_has_reflected: false }
     }
 }
 
@@ -104,18 +117,19 @@ impl Chains {
     /// The chain of a path after one more vertex where it was scattered by a delta lobe; `None` where it is one that is not looked for.
     #[inline]
     pub fn after(&self, chain: Option<Followed>, s: &Surface, lobe: Lobe) -> Option<Followed> {
-        let c = chain.filter(|c| c.vertices < MAX_VERTICES && s.solid.is_none())?;
+        let c = chain.filter(|c| c.plan.vertices < MAX_VERTICES && s.solid.is_none())?;
         let reflects = lobe.contains(Lobe::REFLECTION);
-        let is_glass = match self.casters.of_material(s.material)? {
-            Caster::Glass(_) => true,
-            Caster::Mirror => false,
+        let glass_reflects = self.casters.of_material(s.material)? != Caster::Mirror && reflects;
+        if glass_reflects && c.glass_has_reflected {
+            return None;
+        }
+        let first = match c.first {
+            Some(first) => first,
+            None => [c.p, (s.p - c.p).try_normalize()?],
         };
-        let reflected = is_glass && reflects;
-        (!(reflected && c.glass_has_reflected)).then_some(Followed {
-            vertices: c.vertices + 1,
-            glass_has_reflected: c.glass_has_reflected || reflected,
-            ..c
-        })
+        let Plan { vertices, reflects: before } = c.plan;
+        let plan = Plan { vertices: vertices + 1, reflects: before | u32::from(reflects) << vertices };
+        Some(Followed { first: Some(first), plan, glass_has_reflected: c.glass_has_reflected || glass_reflects, ..c })
     }
 
     /// Whether chains that start at a point are looked for to a light.
@@ -126,6 +140,35 @@ impl Chains {
             Some(Size::Small) => from.diffuse || scene.lights[light as usize].is_delta(),
             Some(Size::Ball(center, radius)) => from.diffuse && radius * radius < (LARGEST * LARGEST) * (center - from.p).length_squared(),
         }
+    }
+
+    /// The share of the light of a chain that the search brings; paths that meet the light by chance bring the rest. A function of the
+    /// chain alone, after the power heuristic (Veach 1997, section 9.2.2) for the density of the search over that of paths, but for what
+    /// nobody knows of the former. `None`: all is left to paths.
+    fn share(&self, light: u32, glass_reflects: bool, target: Target, end: &Beam) -> Option<f32> {
+        let determinant = target.sound_determinant(end)?;
+        let Some(Size::Ball(_, radius)) = self.sizes[light as usize] else { return Some(1.0) };
+        let ratio = SEARCHED * determinant.abs() / (radius * radius) * if glass_reflects { SEARCHED_REFLECTIONS } else { 1.0 };
+        let share = if ratio > 1.0 { 1.0 / (1.0 + 1.0 / (ratio * ratio)) } else { ratio * ratio / (1.0 + ratio * ratio) };
+        (share > LEAST_SHARE).then_some(share)
+    }
+
+    /// The end of a chain that a path has followed, and the point of the light that it meets there.
+    fn end(&self, scene: &Scene, chain: &Followed, light: u32) -> Option<(Beam, Target)> {
+        let [o, w] = chain.first?;
+        let beam = follow(scene, self.casters.by_material(), Beam::new(o, w), chain.plan)?;
+        if !matches!(scene.lights[light as usize], Light::Area(_)) {
+            return Some((beam, Target::Direction(beam.d)));
+        }
+        let mut ray = Ray::new(beam.o, beam.d);
+        for _ in 0..MAX_CROSSINGS {
+            let s = scene.intersect(&ray)?;
+            if s.light(scene) == Some(light) {
+                return Some((beam, Target::Point(s.p)));
+            }
+            ray = beyond(&ray, &s);
+        }
+        None
     }
 
     fn pmf(&self, scene: &Scene, chain: &Followed, light: u32) -> f32 {
@@ -157,7 +200,8 @@ impl Chains {
         if f.is_black() {
             return None;
         }
-        let sent = source.sent(scene, light, &first)?;
+        let own = self.share(light, search.reflect != NOWHERE, source.target, &first.end)?;
+        let sent = source.sent(scene, light, &first)? * own;
         let through = tracer.value(&first, source.target, rng)?;
         let value = f * through * sent / (first.determinant.abs() * search.share * chance * self.pmf(scene, &from, light));
         if value.is_black() || !value.is_finite() {
@@ -204,17 +248,27 @@ impl Caustics for Chains {
     #[inline]
     fn scattered(&self, trail: &mut Trail, s: &Surface, scatter: &Scatter, sample: &BsdfSample) {
         let is_delta = sample.lobe.contains(Lobe::DELTA);
-        trail.chain = if is_delta { self.after(trail.chain, s, sample.lobe) } else { Some(Followed::from(Place::Surface(s, scatter))) };
+        trail.chain = match is_delta {
+            true => self.after(trail.chain, s, sample.lobe),
+            false => Some(Followed::at(s.p, scatter.has_diffuse(), Some([s.offset_origin(sample.wi), sample.wi]))),
+        };
     }
 
     #[inline]
     fn scattered_in_medium(&self, trail: &mut Trail, p: Vec3) {
-        trail.chain = Some(Followed::at(p, true));
+        trail.chain = Some(Followed::at(p, true, None));
     }
 
     #[inline]
     fn found(&self, scene: &Scene, trail: &Trail, light: u32) -> bool {
-        trail.chain.is_some_and(|c| c.vertices > 0 && self.covers(scene, light, &c) && self.pmf(scene, &c, light) > 0.0)
+        let Some(chain) = trail.chain.filter(|c| c.plan.vertices > 0 && self.covers(scene, light, c)) else { return false };
+        if !(self.pmf(scene, &chain, light) > 0.0) {
+            return false;
+        }
+        let end = self.end(scene, &chain, light);
+        let own = end.and_then(|(beam, target)| self.share(light, chain.glass_has_reflected, target, &beam));
+        // All of the light or nothing, by chance: in the mean what the search does not bring.
+        own.is_some_and(|own| trail.rng.clone().next_1d() < own)
     }
 
     #[inline]

@@ -81,6 +81,14 @@ pub(super) struct Beam {
     facets: u32,
 }
 
+impl Beam {
+    /// One that starts at a point along a unit direction.
+    pub fn new(o: Vec3, d: Vec3) -> Self {
+        let frame = Frame::from_normal(d);
+        Self { o, d, origin_changes: [Vec3::ZERO; 2], direction_changes: [frame.s, frame.t], facets: 0 }
+    }
+}
+
 /// A chain that ends at the light.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Solution {
@@ -122,6 +130,16 @@ impl Target {
         }
     }
 
+    /// [`Solution::determinant`] of a beam that ends here; `None` where it is next to a fold, or where there is none.
+    pub fn sound_determinant(self, beam: &Beam) -> Option<f32> {
+        let [a, b] = self.miss(beam).1;
+        let (aa, ab, bb) = (a.length_squared(), a.dot(b), b.length_squared());
+        // The smaller singular value is at least this.
+        let flatness = (aa * bb - ab * ab) / (aa + bb);
+        let determinant = self.determinant(beam);
+        (flatness > FLATTEST * FLATTEST && determinant != 0.0 && determinant.is_finite()).then_some(determinant)
+    }
+
     fn determinant(self, beam: &Beam) -> f32 {
         let [a, b] = match self {
             Self::Point(p) => {
@@ -143,84 +161,14 @@ pub(super) struct Tracer<'a> {
 }
 
 impl Tracer<'_> {
-    /// The caster that a ray meets first; surfaces that let light straight through are not in its way. `None`: something else or nothing.
-    #[inline]
-    fn met(&self, mut ray: Ray) -> Option<(Surface, Caster)> {
-        for _ in 0..MAX_CROSSINGS {
-            let s = self.scene.intersect(&ray)?;
-            if s.solid.is_some() {
-                return None;
-            }
-            if let Some(caster) = self.casters[s.material as usize] {
-                return Some((s, caster));
-            }
-            if !self.scene.materials[s.material as usize].has_null {
-                return None;
-            }
-            ray = beyond(&ray, &s);
-        }
-        None
-    }
-
     /// The beam that starts along `w`.
     fn first(&self, w: Vec3) -> Beam {
-        let frame = Frame::from_normal(w);
-        Beam { o: self.start.origin(w), d: w, origin_changes: [Vec3::ZERO; 2], direction_changes: [frame.s, frame.t], facets: 0 }
-    }
-
-    /// What becomes of a beam at a caster; `None` where it cannot do that.
-    #[inline]
-    fn bounce(&self, beam: &Beam, s: &Surface, caster: Caster, reflects: bool) -> Option<Beam> {
-        let mut n = s.frame.n;
-        let side = beam.d.dot(s.ng);
-        if side * beam.d.dot(n) <= 0.0 {
-            // Interpolated normals may turn away near silhouettes; the material bends them back.
-            let scatter = self.scene.materials[s.material as usize].shade(self.scene, s, -beam.d);
-            n = scatter.parts.first()?.frame.n;
-        }
-        let distance = (s.p - beam.o).dot(beam.d);
-        let moves = [0, 1].map(|i| {
-            let across = beam.origin_changes[i] + beam.direction_changes[i] * distance;
-            across - beam.d * (across.dot(s.ng) / side)
-        });
-        let turns = s.normal_changes(self.scene, moves);
-        let cos = -beam.d.dot(n);
-        let cos_changes = [0, 1].map(|i| -(beam.direction_changes[i].dot(n) + beam.d.dot(turns[i])));
-        let (d, direction_changes) = if reflects {
-            // Mirrors of the file's own back side are dark there, which the lobe's value says.
-            let changes = [0, 1].map(|i| beam.direction_changes[i] + (n * cos_changes[i] + turns[i] * cos) * 2.0);
-            (beam.d + n * (2.0 * cos), changes)
-        } else {
-            let Caster::Glass(eta) = caster else { return None };
-            let (r, cos_t, _, eta_ti) = fresnel::dielectric(cos, eta);
-            if r >= 1.0 || cos_t == 0.0 {
-                return None;
-            }
-            let along = eta_ti * cos + cos_t;
-            // Snell's law, 1 − cos_t² = η² (1 − cos²), differentiated.
-            let slope = eta_ti + eta_ti * eta_ti * cos / cos_t;
-            let changes = [0, 1].map(|i| beam.direction_changes[i] * eta_ti + turns[i] * along + n * (slope * cos_changes[i]));
-            (beam.d * eta_ti + n * along, changes)
-        };
-        let flat = self.scene.geometries[s.geometry as usize].objects[s.object as usize].normals == NONE;
-        let facet = if flat { s.primitive.wrapping_add(1).wrapping_mul(0x9E37_79B1) ^ s.instance } else { 0 };
-        Some(Beam {
-            o: s.offset_origin(d),
-            d: d.normalize(),
-            origin_changes: moves,
-            direction_changes,
-            facets: beam.facets.rotate_left(5) ^ facet,
-        })
+        Beam::new(self.start.origin(w), w)
     }
 
     /// The end of the chain along `w`; `None` where there is no such chain.
     fn follow(&self, w: Vec3, plan: Plan) -> Option<Beam> {
-        let mut beam = self.first(w);
-        for vertex in 0..plan.vertices {
-            let (s, caster) = self.met(Ray::new(beam.o, beam.d))?;
-            beam = self.bounce(&beam, &s, caster, plan.reflects(vertex))?;
-        }
-        Some(beam)
+        follow(self.scene, self.casters, self.first(w), plan)
     }
 
     /// A plan for chains that start along `w`: mirrors reflect, and glass refracts but at the vertex `reflect`, if the chain has it. Of the
@@ -232,13 +180,13 @@ impl Tracer<'_> {
         // Without the reflection that was asked for the chain would be one of another kind.
         let shortest = if reflect < longest { reflect + 1 } else { 1 };
         for vertex in 0..longest {
-            let Some((s, caster)) = self.met(Ray::new(beam.o, beam.d)) else { break };
+            let Some((s, caster)) = met(self.scene, self.casters, Ray::new(beam.o, beam.d)) else { break };
             let mirrored = match caster {
                 Caster::Mirror if vertex == reflect => return None,
                 Caster::Mirror => true,
                 Caster::Glass(_) => vertex == reflect,
             };
-            let Some(b) = self.bounce(&beam, &s, caster, mirrored) else { break };
+            let Some(b) = bounce(self.scene, &beam, &s, caster, mirrored) else { break };
             beam = b;
             reflects |= u32::from(mirrored) << vertex;
             let plan = Plan { vertices: vertex + 1, reflects };
@@ -286,13 +234,7 @@ impl Tracer<'_> {
             if now < TOLERANCE && length < LARGEST_LAST_STEP {
                 // The last step, where it brings the end nearer: the same chain is always told by its direction.
                 let (w, beam) = better(step).map_or((w, beam), |(w, beam, ..)| (w, beam));
-                let [a, b] = target.miss(&beam).1;
-                let (aa, ab, bb) = (a.length_squared(), a.dot(b), b.length_squared());
-                // The smaller singular value is at least this.
-                let flatness = (aa * bb - ab * ab) / (aa + bb);
-                let determinant = target.determinant(&beam);
-                let is_sound = flatness > FLATTEST * FLATTEST && determinant != 0.0 && determinant.is_finite();
-                return is_sound.then_some(Solution { w, plan, end: beam, determinant });
+                return target.sound_determinant(&beam).map(|determinant| Solution { w, plan, end: beam, determinant });
             }
             let mut next = None;
             for _ in 0..MAX_HALVINGS {
@@ -321,7 +263,7 @@ impl Tracer<'_> {
         let mut value = Spectrum::ONE;
         let mut beam = self.first(solution.w);
         for vertex in 0..solution.plan.vertices {
-            let (s, caster) = self.met(Ray::new(beam.o, beam.d))?;
+            let (s, caster) = met(self.scene, self.casters, Ray::new(beam.o, beam.d))?;
             if scene.has_null || scene.has_media {
                 value *= transmittance(scene, towards(beam.o, s.p), &media, false, rng);
             }
@@ -333,7 +275,7 @@ impl Tracer<'_> {
                 return None;
             }
             value *= sample.value;
-            beam = self.bounce(&beam, &s, caster, reflects)?;
+            beam = bounce(scene, &beam, &s, caster, reflects)?;
             if !reflects && scene.has_media {
                 media.cross(scene, &s, beam.d);
             }
@@ -343,4 +285,77 @@ impl Tracer<'_> {
         }
         (!value.is_black()).then_some(value)
     }
+}
+
+/// The caster that a ray meets first; surfaces that let light straight through are not in its way. `None`: something else or nothing.
+#[inline]
+fn met(scene: &Scene, casters: &[Option<Caster>], mut ray: Ray) -> Option<(Surface, Caster)> {
+    for _ in 0..MAX_CROSSINGS {
+        let s = scene.intersect(&ray)?;
+        if s.solid.is_some() {
+            return None;
+        }
+        if let Some(caster) = casters[s.material as usize] {
+            return Some((s, caster));
+        }
+        if !scene.materials[s.material as usize].has_null {
+            return None;
+        }
+        ray = beyond(&ray, &s);
+    }
+    None
+}
+
+/// The end of the chain that begins with a beam; `None` where there is no such chain.
+pub(super) fn follow(scene: &Scene, casters: &[Option<Caster>], mut beam: Beam, plan: Plan) -> Option<Beam> {
+    for vertex in 0..plan.vertices {
+        let (s, caster) = met(scene, casters, Ray::new(beam.o, beam.d))?;
+        beam = bounce(scene, &beam, &s, caster, plan.reflects(vertex))?;
+    }
+    Some(beam)
+}
+
+/// What becomes of a beam at a caster; `None` where it cannot do that.
+#[inline]
+fn bounce(scene: &Scene, beam: &Beam, s: &Surface, caster: Caster, reflects: bool) -> Option<Beam> {
+    let mut n = s.frame.n;
+    let side = beam.d.dot(s.ng);
+    if side * beam.d.dot(n) <= 0.0 {
+        // Interpolated normals may turn away near silhouettes; the material bends them back.
+        let scatter = scene.materials[s.material as usize].shade(scene, s, -beam.d);
+        n = scatter.parts.first()?.frame.n;
+    }
+    let distance = (s.p - beam.o).dot(beam.d);
+    let moves = [0, 1].map(|i| {
+        let across = beam.origin_changes[i] + beam.direction_changes[i] * distance;
+        across - beam.d * (across.dot(s.ng) / side)
+    });
+    let turns = s.normal_changes(scene, moves);
+    let cos = -beam.d.dot(n);
+    let cos_changes = [0, 1].map(|i| -(beam.direction_changes[i].dot(n) + beam.d.dot(turns[i])));
+    let (d, direction_changes) = if reflects {
+        // Mirrors of the file's own back side are dark there, which the lobe's value says.
+        let changes = [0, 1].map(|i| beam.direction_changes[i] + (n * cos_changes[i] + turns[i] * cos) * 2.0);
+        (beam.d + n * (2.0 * cos), changes)
+    } else {
+        let Caster::Glass(eta) = caster else { return None };
+        let (r, cos_t, _, eta_ti) = fresnel::dielectric(cos, eta);
+        if r >= 1.0 || cos_t == 0.0 {
+            return None;
+        }
+        let along = eta_ti * cos + cos_t;
+        // Snell's law, 1 − cos_t² = η² (1 − cos²), differentiated.
+        let slope = eta_ti + eta_ti * eta_ti * cos / cos_t;
+        let changes = [0, 1].map(|i| beam.direction_changes[i] * eta_ti + turns[i] * along + n * (slope * cos_changes[i]));
+        (beam.d * eta_ti + n * along, changes)
+    };
+    let flat = scene.geometries[s.geometry as usize].objects[s.object as usize].normals == NONE;
+    let facet = if flat { s.primitive.wrapping_add(1).wrapping_mul(0x9E37_79B1) ^ s.instance } else { 0 };
+    Some(Beam {
+        o: s.offset_origin(d),
+        d: d.normalize(),
+        origin_changes: moves,
+        direction_changes,
+        facets: beam.facets.rotate_left(5) ^ facet,
+    })
 }

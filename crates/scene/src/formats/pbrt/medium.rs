@@ -1,8 +1,9 @@
 //! Participating media.
 
-use glam::{DMat4, DVec3, Vec3};
+use glam::{DMat4, DVec3, Mat4, Vec3};
 
 use super::Reader;
+use super::cloud::Cloud;
 use super::params::Params;
 use super::presets;
 use super::spectrum::SpectrumKind;
@@ -15,6 +16,9 @@ use crate::formats::grids::{self, DenseGrid};
 use crate::formats::volume::clamp_negative;
 use crate::span::Span;
 
+/// Values of a cloud, and about those of all.
+const MOST_OF_CLOUD: u32 = 1 << 20;
+const ALL_CLOUDS: u32 = 1 << 24;
 /// Parameters that a medium which cannot be read may have.
 const OF_OTHERS: [&str; 24] = [
     "sigma_a",
@@ -58,11 +62,7 @@ impl Reader {
             "uniformgrid" => self.uniform_grid(p, phase),
             "rgbgrid" => self.rgb_grid(p, phase),
             "nanovdb" => self.nanovdb(p, phase),
-            "cloud" => {
-                self.loss(p.span, format!("medium \"{kind}\""), "left out");
-                p.ignore(&OF_OTHERS);
-                None
-            }
+            "cloud" => self.cloud(p, phase),
             _ => {
                 self.error(p.span, format!("no medium `{kind}`; there are homogeneous, uniformgrid, rgbgrid, cloud, nanovdb"));
                 p.ignore(&OF_OTHERS);
@@ -144,6 +144,50 @@ impl Reader {
             emission: source.map(|source| MediumEmissionDesc { source, by_absorption: true }),
             phase,
         })))
+    }
+
+    /// `cloud`: coefficients times noise.
+    fn cloud(&mut self, p: &Params, phase: PhaseDesc) -> Option<MediumDesc> {
+        let [sigma_a, sigma_s] = self.coefficients(p, [[1.0; 3]; 2])?;
+        let sigma_t = [0, 1, 2].map(|k| sigma_a[k] + sigma_s[k]);
+        let albedo = [0, 1, 2].map(|k| if sigma_t[k] > 0.0 { sigma_s[k] / sigma_t[k] } else { 0.0 });
+        let r = &mut self.desc.report;
+        let (density, wispiness) = (p.float("density", 1.0, r), p.float("wispiness", 1.0, r));
+        let cloud = Cloud { density, wispiness, frequency: p.float("frequency", 5.0, r) };
+        let (lo, hi) = self.medium_box(p)?;
+        // Many clouds are coarser, so that a short file does not fill the memory.
+        let most = (ALL_CLOUDS / (self.desc.volumes.len() as u32).saturating_add(1)).min(MOST_OF_CLOUD);
+        let (size, mut data) = cloud.grid(lo, hi, most);
+        // Numbers that overflow in the noise are none.
+        data.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = 0.0);
+        let world_from_volume = self.volume_place(lo, hi);
+        // The cloud is cut off at its box.
+        let (filter, wrap) = (VolumeFilter::Linear, VolumeWrap::Clamp);
+        let volume = self.desc.add(Node::named("cloud", p.span, VolumeDesc { size, channels: 1, data, world_from_volume, filter, wrap }));
+        Some(MediumDesc::Grid(Box::new(GridMediumDesc {
+            extinction: FieldDesc { factor: sigma_t, volume: Some(volume) },
+            scattering: ScatteringDesc::Albedo(FieldDesc::constant(albedo)),
+            emission: None,
+            phase,
+        })))
+    }
+
+    /// The box from `p0` to `p1`.
+    fn medium_box(&mut self, p: &Params) -> Option<(Vec3, Vec3)> {
+        let r = &mut self.desc.report;
+        let (p0, p1) = (p.vector("p0", Vec3::ZERO, r), p.vector("p1", Vec3::ONE, r));
+        let (lo, hi) = (p0.min(p1), p0.max(p1));
+        if !(hi - lo).cmpgt(Vec3::ZERO).all() || !(hi - lo).is_finite() {
+            self.error(p.span, "the box from `p0` to `p1` is empty");
+            return None;
+        }
+        Some((lo, hi))
+    }
+
+    /// Where the unit cube of a volume over a box is in the world.
+    fn volume_place(&self, lo: Vec3, hi: Vec3) -> Mat4 {
+        let place = DMat4::from_translation(lo.as_dvec3()) * DMat4::from_scale((hi - lo).as_dvec3());
+        (self.state.transform() * place).as_mat4()
     }
 
     /// `rgbgrid`: coefficients for each value.
@@ -249,7 +293,6 @@ impl Reader {
     fn grid(&mut self, p: &Params, name: &str, channels: u32) -> Option<VolumeId> {
         let r = &mut self.desc.report;
         let size = ["nx", "ny", "nz"].map(|n| p.opt_integer(n, r).unwrap_or(1));
-        let (p0, p1) = (p.vector("p0", Vec3::ZERO, r), p.vector("p1", Vec3::ONE, r));
         let given = p.get(name)?;
         let (span, numbers) = (given.span, given.numbers());
         let count = size.iter().map(|n| i128::from(*n)).product::<i128>() * i128::from(channels);
@@ -258,11 +301,7 @@ impl Reader {
             self.error(span, format!("`{name}` has {found} numbers, which do not fill nx × ny × nz values of {channels}"));
             return None;
         }
-        let (lo, hi) = (p0.min(p1), p0.max(p1));
-        if !(hi - lo).cmpgt(Vec3::ZERO).all() {
-            self.error(p.span, "the box from `p0` to `p1` is empty");
-            return None;
-        }
+        let (lo, hi) = self.medium_box(p)?;
         let mut data: Vec<f32> = if channels == 3 {
             let space = self.state.color_space;
             let color = |c: &[f64]| space.to_rec709(DVec3::new(c[0], c[1], c[2])).as_vec3().to_array();
@@ -274,8 +313,7 @@ impl Reader {
         if negative > 0 {
             self.desc.report.warning(span, format!("{negative} values of `{name}` are below zero and count as zero"));
         }
-        let place = DMat4::from_translation(lo.as_dvec3()) * DMat4::from_scale((hi - lo).as_dvec3());
-        let world_from_volume = (self.state.transform() * place).as_mat4();
+        let world_from_volume = self.volume_place(lo, hi);
         let size = size.map(|n| n as u32);
         let (filter, wrap) = (VolumeFilter::Linear, VolumeWrap::Zero);
         Some(self.desc.add(Node::named(name, span, VolumeDesc { size, channels, data, world_from_volume, filter, wrap })))

@@ -10,6 +10,7 @@
 
 mod angles;
 mod camera;
+mod cloud;
 mod curve;
 mod directive;
 mod lexer;
