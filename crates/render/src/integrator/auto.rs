@@ -3,8 +3,9 @@
 //! Path tracing is unbiased and the best of what is here for most scenes. It fails where much light reaches diffuse surfaces by
 //! mirrors and glass from small lights; there photons find what paths do not. A pilot tells the cases apart:
 //!
-//! 1. A few photons say how much of the light is focused at all. Little: path tracing, and nothing more is tried.
-//! 2. A grid of pixels is rendered by path tracing, by photon mapping (`sppm`), by their mix (`pathmap`: photons for the light that mirrors
+//! 1. A few photons say how much of the light is focused at all. Little: path tracing, which decides for itself whether its paths are
+//!    guided, and nothing more is tried.
+//! 2. A grid of pixels is rendered by path tracing, guided where the path tracer's own trial says that it pays, by photon mapping (`sppm`), by their mix (`pathmap`: photons for the light that mirrors
 //!    and glass send first, paths for all other light) and, where paths alone are not the best of these, by vertex connection and merging
 //!    (`vcm`). Each method's variance, in proportion to what a sample costs, is estimated from two independent halves; light that photons
 //!    find and another method lacks counts as a rare event of it.
@@ -116,7 +117,7 @@ impl Auto {
         match method {
             Method::Path => Box::new(self.path.clone()),
             Method::Sppm => Box::new(Sppm::new(settings)),
-            Method::PathMap => Box::new(PathMap::new(self.path.clone(), settings)),
+            Method::PathMap => Box::new(PathMap::new(self.path.alone(), settings)),
             Method::Vcm => Box::new(Vcm::without_splats(settings.depth(), settings.rr_depth, settings.radius)),
         }
     }

@@ -336,7 +336,7 @@ impl Path {
             }
             let directions = self.guide.as_ref().and_then(|guide| guide.at(&s, &scatter, wo));
             if let Some(lessons) = &mut probe.lessons {
-                lessons.extend(Lesson::at(&s, &scatter, wo, path.throughput, out));
+                lessons.extend(Lesson::at(&s, &scatter, wo, path.throughput, path.guided, out));
             }
             let ctx = context(&s);
             let mut numbers = stream.part(DIRECT_NUMBERS);
@@ -385,7 +385,8 @@ impl Path {
                         if MEDIA {
                             child.rng = stream.rng();
                         }
-                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, (&s, &scatter, directions), last_edge, &mut stream, probe, out) {
+                        let at = (&s, &scatter, directions);
+                        if self.scatter::<MEDIA, C>(scene, caustics, &mut child, at, &mut stream, (probe, out)) {
                             let edges = self.follow::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
                             probe.edges_after += edges - path.edges;
                         }
@@ -396,7 +397,7 @@ impl Path {
                     return path.edges;
                 }
             }
-            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter, directions), last_edge, stream, probe, out) {
+            if !self.scatter::<MEDIA, C>(scene, caustics, &mut path, (&s, &scatter, directions), stream, (probe, out)) {
                 return path.edges;
             }
         }
@@ -410,10 +411,8 @@ impl Path {
         caustics: &C,
         path: &mut State<C::Trail>,
         (s, scatter, directions): (&Surface, &Scatter, Option<Directions>),
-        last_edge: bool,
         stream: &mut SampleStream,
-        probe: &mut Probe,
-        out: &Estimate,
+        (probe, out): (&mut Probe, &Estimate),
     ) -> bool {
         let wo = -path.ray.d;
         let mut numbers = stream.part(SCATTER_NUMBERS);
@@ -441,7 +440,7 @@ impl Path {
             path.crossings += 1;
             return path.crossings <= MAX_CROSSINGS;
         }
-        if last_edge {
+        if path.depth >= self.max_depth {
             return false;
         }
         path.depth += 1;
@@ -460,7 +459,7 @@ impl Path {
         };
         path.guided = (path.guided * sample.pdf / bsdf_pdf).clamp(1e-6, 1e6);
         if path.seen == 0.0 {
-            path.seen = carried * directions.sent();
+            path.seen = carried * directions.all();
             return true;
         }
         let limit = if path.depth >= self.rr_depth { 0.99 } else { 1.0 };

@@ -17,6 +17,9 @@ const MOST_IN_A_CELL: usize = 16;
 /// Directions are uncertain by this much, in units of half a face.
 const SLACK: f64 = 1e-6;
 
+/// Cells that a box is seen in on a face: first and last column, first and last row.
+type Rectangle = [usize; 4];
+
 /// Objects by direction from a place; see the module.
 #[derive(Clone, Debug)]
 pub struct Outlook {
@@ -33,7 +36,7 @@ impl Outlook {
         if !origin.is_finite() {
             return None;
         }
-        let mut seen: Vec<(u32, f32, [Option<[usize; 4]>; 6])> = Vec::new();
+        let mut seen: Vec<(u32, f32, [Option<Rectangle>; 6])> = Vec::new();
         let mut total = 0;
         for (i, bounds) in boxes.filter(|(_, b)| b.is_finite() && !b.is_empty()) {
             let near = (bounds.min - origin).max(origin - bounds.max).max(DVec3::ZERO).length();
@@ -46,7 +49,7 @@ impl Outlook {
         }
         seen.sort_by(|a, b| a.1.total_cmp(&b.1));
         let mut starts = vec![0u32; 6 * CELLS * CELLS + 1];
-        let cells_of = |cells: &[Option<[usize; 4]>; 6]| {
+        let cells_of = |cells: &[Option<Rectangle>; 6]| {
             let rectangles = (0..6).zip(*cells).filter_map(|(face, r)| r.map(|r| (face, r)));
             rectangles.flat_map(|(face, [a, b, c, d])| (c..=d).flat_map(move |v| (a..=b).map(move |u| (face * CELLS + v) * CELLS + u)))
         };
@@ -102,12 +105,12 @@ impl Outlook {
     }
 }
 
-/// The cells of a face that a box is seen in: first and last column, first and last row.
-fn cells(bounds: &Bounds, origin: DVec3, face: usize) -> Option<[usize; 4]> {
+/// The cells of a face that a box is seen in.
+fn cells(bounds: &Bounds, origin: DVec3, face: usize) -> Option<Rectangle> {
     let axis = face / 2;
     let (lo, hi) = (bounds.min - origin, bounds.max - origin);
     // Along the face's axis, outwards.
-    let [near, far] = if face % 2 == 0 { [lo[axis], hi[axis]] } else { [-hi[axis], -lo[axis]] };
+    let [near, far] = if face.is_multiple_of(2) { [lo[axis], hi[axis]] } else { [-hi[axis], -lo[axis]] };
     // Rounding may put what is hardly in front of the place behind it, and what is next to it anywhere.
     let size = lo.abs().max(hi.abs()).max_element();
     let tiny = 1e-9 * (size + origin.abs().max_element()) + f64::MIN_POSITIVE;

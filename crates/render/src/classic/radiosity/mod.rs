@@ -235,7 +235,7 @@ impl<'a> Tracer<'a, '_> {
             if cache.rays == 0 {
                 mean = Mean::default();
             } else {
-                let point = self.gather(p, n, index, &ray.inside);
+                let point = self.gather(p, n, index, ray.inside);
                 mean.add(&point, 0.0, bound);
                 // With all rays spent it has seen too little.
                 let complete = self.rays() < self.ray_limit;

@@ -143,8 +143,9 @@ impl Field {
 /// Divides samples at the median of the longest edge of their box until few are left.
 fn divide(samples: &[Sample], of_node: &mut [u32], nodes: &mut Vec<Node>, leaves: &mut Vec<Vec<u32>>) {
     let p = |i: u32| samples[i as usize].p;
-    let (low, high) =
-        of_node.iter().fold((Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)), |(low, high), &i| (low.min(p(i)), high.max(p(i))));
+    let (low, high) = of_node
+        .iter()
+        .fold((Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)), |(low, high), &i| (low.min(p(i)), high.max(p(i))));
     let extent = high - low;
     if of_node.len() <= LEAF || extent.max_element() <= 0.0 {
         nodes.push(Node { at: 0.0, link: (leaves.len() as u32) << 2 | 3 });
@@ -168,4 +169,42 @@ fn divide(samples: &[Sample], of_node: &mut [u32], nodes: &mut Vec<Node>, leaves
 #[inline]
 pub(super) fn square(d: Vec3) -> Vec2 {
     square_from_direction(d)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(p: Vec3, n: Vec3, toward: Vec3) -> Sample {
+        let at = square(toward);
+        Sample { p, side: side(n), at, factor: 1.0, light: 1.0, next: NONE, carry: 0.0, sent: p.x, all: 2.0 * p.x }
+    }
+
+    /// Both sides of a wall, and both ends of it, know light of their own.
+    #[test]
+    fn places_and_sides_are_told_apart() {
+        let mut samples = Vec::new();
+        for i in 0..8000 {
+            let (x, y) = ((i % 100) as f32 / 100.0, (i / 100) as f32 / 80.0);
+            let left = if x < 0.5 { -1.0 } else { 1.0 };
+            samples.push(sample(Vec3::new(x, y, 0.0), Vec3::Z, Vec3::new(left, 0.0, 1.0).normalize()));
+            samples.push(sample(Vec3::new(x, y, 0.0), Vec3::NEG_Z, Vec3::NEG_Z));
+        }
+        let field = Field::learn(&samples);
+        let density = |x: f32, n: Vec3, d: Vec3| field.directions.pdf(field.at(Vec3::new(x, 0.4, 0.0), side(n)).root, d.normalize());
+        let [left, right] = [-1.0, 1.0].map(|x| Vec3::new(x, 0.0, 1.0));
+        assert!(density(0.1, Vec3::Z, left) > 20.0 * density(0.1, Vec3::Z, right));
+        assert!(density(0.9, Vec3::Z, right) > 20.0 * density(0.9, Vec3::Z, left));
+        assert!(density(0.9, Vec3::NEG_Z, Vec3::NEG_Z) > 20.0 * density(0.9, Vec3::NEG_Z, right));
+        let near = field.at(Vec3::new(0.05, 0.4, 0.0), side(Vec3::Z));
+        assert!(near.sent < 0.35 && (near.all - 2.0 * near.sent).abs() < 1e-3, "{near:?}");
+        assert_eq!(field.at(Vec3::ZERO, side(Vec3::X)).root, NONE, "nothing is known of what faces another way");
+    }
+
+    #[test]
+    fn thousands_of_samples_at_one_point_end() {
+        let samples = vec![sample(Vec3::ONE, Vec3::Z, Vec3::Z); 10_000];
+        assert_ne!(Field::learn(&samples).at(Vec3::ONE, side(Vec3::Z)).root, NONE);
+        assert_eq!(Field::learn(&[]).at(Vec3::ONE, 0).root, NONE);
+    }
 }

@@ -42,12 +42,14 @@ pub(in crate::integrator) struct Lesson {
     direct: f32,
     at: Vec2,
     factor: f32,
+    /// How many more guided paths come here than others would.
+    guided: f32,
 }
 
 impl Lesson {
     /// A path has come to a surface, and has found the light that it emits.
     #[inline]
-    pub fn at(s: &Surface, scatter: &Scatter, wo: Vec3, throughput: Spectrum, out: &Estimate) -> Option<Self> {
+    pub fn at(s: &Surface, scatter: &Scatter, wo: Vec3, throughput: Spectrum, guided: f32, out: &Estimate) -> Option<Self> {
         let n = facing(s, wo);
         let before = [out.radiance.luminance(), throughput.luminance()];
         can_guide(scatter).then(|| Self {
@@ -59,7 +61,14 @@ impl Lesson {
             direct: before[0],
             at: Vec2::ZERO,
             factor: 0.0,
+            guided,
         })
+    }
+
+    /// How much larger the mean square of the direct light found here is where paths are not guided, who find it more rarely.
+    pub fn rarer(&self) -> f32 {
+        let direct = self.direct - self.before[0];
+        direct * direct * (self.guided - 1.0)
     }
 
     /// The direct light at the surface has been found.

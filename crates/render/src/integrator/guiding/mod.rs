@@ -59,9 +59,9 @@ const SAMPLES: [u32; 2] = [16, 48];
 /// What an edge of a guided path costs in edges of others.
 pub(super) const COST: f64 = 1.35;
 /// How much better paths have to be that are guided by a part of what can be learned.
-const LEAST_PROMISE: f64 = 0.9;
+const LEAST_PROMISE: f64 = 1.0;
 /// How much better guided paths have to be: learning takes time as well.
-const LEAST_GAIN: f64 = 1.2;
+const LEAST_GAIN: f64 = 1.3;
 
 /// What has been learned.
 #[derive(Clone, Debug)]
@@ -81,7 +81,8 @@ pub(super) struct Directions<'a> {
 /// Whether a surface can be guided: all that it scatters, but for what mirrors and holes do, stays on its side.
 #[inline]
 pub(super) fn can_guide(scatter: &Scatter) -> bool {
-    scatter.is_smooth_anywhere() && scatter.parts.iter().all(|p| p.bsdf.lobes().0 & (Lobe::TRANSMISSION.0 | Lobe::NULL.0) != Lobe::TRANSMISSION.0)
+    scatter.is_smooth_anywhere()
+        && scatter.parts.iter().all(|p| p.bsdf.lobes().0 & (Lobe::TRANSMISSION.0 | Lobe::NULL.0) != Lobe::TRANSMISSION.0)
 }
 
 impl Guide {
@@ -97,13 +98,14 @@ impl Guide {
             return (guide, Some("path: guided".into()));
         }
         let unguided = Trial::new(&single, SAMPLES[0], scene, stage);
-        if unguided.noise(&[&unguided]) < LEAST_NOISE {
+        if unguided.noise(&[&unguided])[0] < LEAST_NOISE {
             return (None, None);
         }
         let gain = |guide: &Self, unguided: &Trial, samples: u32| {
             let guided = Trial::new(&Path { guide: Some(guide.clone()), ..single.clone() }, samples, scene, stage);
-            let noise = |trial: &Trial| trial.noise(&[unguided, &guided]) * trial.edges;
-            noise(unguided) / (noise(&guided) * COST)
+            let both = [unguided, &guided];
+            let ([of_unguided, _], [of_guided, without]) = (unguided.noise(&both), guided.noise(&both));
+            of_unguided.max(without) * unguided.edges / (of_guided * guided.edges * COST)
         };
         let says = |gain: f64| format!("{gain:.1} times less noise at equal cost in a pilot than paths that are not");
         let no = |gain: f64| (None, Some(format!("path: not guided, as guided paths have {}", says(gain))));
@@ -134,9 +136,9 @@ impl Guide {
 }
 
 impl Directions<'_> {
-    /// What the surface sends back in the mean.
+    /// All light that the surface sends back, in the mean.
     #[inline]
-    pub fn sent(&self) -> f32 {
+    pub fn all(&self) -> f32 {
         self.leaf.all
     }
 

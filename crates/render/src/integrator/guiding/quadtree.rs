@@ -164,3 +164,86 @@ fn partition<T>(items: &mut [T], holds: impl Fn(&T) -> bool) -> usize {
     }
     end
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampler::HashRng;
+
+    fn random(rng: &mut HashRng) -> Vec2 {
+        Vec2::new(rng.next_1d(), rng.next_1d())
+    }
+
+    /// A tree that has seen light from about a direction and a little from everywhere.
+    fn tree(rng: &mut HashRng) -> (Quadtrees, u32) {
+        let toward = Vec3::new(0.3, -0.5, 0.8).normalize();
+        let mut samples: Vec<Weighted> = (0..4000)
+            .map(|_| random(rng))
+            .map(|at| Weighted { at, weight: if direction_from_square(at).dot(toward) > 0.97 { 50.0 } else { 0.1 } })
+            .collect();
+        let mut trees = Quadtrees::default();
+        let root = trees.add(&mut samples).unwrap();
+        (trees, root)
+    }
+
+    #[test]
+    fn the_square_covers_the_sphere_once() {
+        let mut rng = HashRng::new(1);
+        let mut sphere = 0.0;
+        for _ in 0..20_000 {
+            let at = random(&mut rng);
+            let d = direction_from_square(at);
+            assert!((d.length() - 1.0).abs() < 1e-6 && (square_from_direction(d) - at).length() < 1e-5, "{at}");
+            sphere += 1.0 / density_on_sphere(d) / 20_000.0;
+        }
+        assert!((sphere / (4.0 * crate::math::PI) - 1.0).abs() < 0.02, "{sphere}");
+    }
+
+    /// Directions come as often as their density says, in each of many cells, and most from where the light is.
+    #[test]
+    fn directions_come_by_their_density() {
+        let mut rng = HashRng::new(2);
+        let (trees, root) = tree(&mut rng);
+        const CELLS: usize = 16;
+        let cell = |d: Vec3| {
+            let at = square_from_direction(d) * CELLS as f32;
+            (at.x as usize).min(CELLS - 1) + (at.y as usize).min(CELLS - 1) * CELLS
+        };
+        let n = 200_000;
+        let (mut found, mut expected) = (vec![0.0f64; CELLS * CELLS], vec![0.0f64; CELLS * CELLS]);
+        for _ in 0..n {
+            let (d, pdf) = trees.sample(root, random(&mut rng));
+            assert!((pdf / trees.pdf(root, d) - 1.0).abs() < 1e-3, "{d}: {pdf} instead of {}", trees.pdf(root, d));
+            found[cell(d)] += 1.0 / f64::from(n);
+            let other = direction_from_square(random(&mut rng));
+            expected[cell(other)] += f64::from(trees.pdf(root, other) / density_on_sphere(other)) / f64::from(n);
+        }
+        assert!((expected.iter().sum::<f64>() - 1.0).abs() < 0.02, "the density does not integrate to 1");
+        for (f, e) in found.iter().zip(&expected) {
+            assert!((f - e).abs() < 0.1 * e + 6.0 * (e / f64::from(n)).sqrt(), "{f} instead of {e}");
+        }
+        let toward = Vec3::new(0.3, -0.5, 0.8).normalize();
+        let near = (0..1000).filter(|_| trees.sample(root, random(&mut rng)).0.dot(toward) > 0.95).count();
+        assert!(near > 750, "{near} of 1000");
+    }
+
+    #[test]
+    fn one_sample_found_by_luck_does_not_count_for_all() {
+        let mut rng = HashRng::new(3);
+        let mut samples: Vec<Weighted> = (0..1000).map(|_| Weighted { at: random(&mut rng), weight: 1.0 }).collect();
+        samples[7].weight = 1e9;
+        let mut trees = Quadtrees::default();
+        let root = trees.add(&mut samples).unwrap();
+        let d = direction_from_square(Vec2::splat(0.9));
+        assert!(trees.pdf(root, d) / density_on_sphere(d) > 0.01, "{}", trees.pdf(root, d));
+    }
+
+    #[test]
+    fn darkness_and_what_is_no_number_have_no_tree() {
+        for weight in [0.0, f32::NAN, f32::INFINITY] {
+            let mut samples = vec![Weighted { at: Vec2::splat(0.5), weight }; 100];
+            assert!(Quadtrees::default().add(&mut samples).is_none(), "{weight}");
+        }
+        assert!(Quadtrees::default().add(&mut []).is_none());
+    }
+}

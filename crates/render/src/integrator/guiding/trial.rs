@@ -23,6 +23,9 @@ pub(super) struct Trial {
     /// Mean and variance of a sample of each pixel.
     mean: Vec<f64>,
     variance: Vec<f64>,
+    /// By how much it would be larger if the paths were not guided, as far as their direct light tells: what others find too rarely to be seen in
+    /// a trial shows in those that go there often.
+    saved: Vec<f64>,
     /// Edges of a path, in the mean.
     pub edges: f64,
 }
@@ -32,11 +35,12 @@ impl Trial {
     pub fn new(path: &Path, samples: u32, scene: &Scene, stage: &Stage) -> Self {
         let size = stage.size.map(|n| (n as usize / COARSER).clamp(GRID[0], GRID[1]));
         let sampler = Sampler { kind: SamplerKind::Independent, seed: mix64(stage.seed ^ SEED ^ u64::from(samples)), spp: 1 };
-        let pixels: Vec<[f64; 3]> = (0..size[0] * size[1])
+        let pixels: Vec<[f64; 4]> = (0..size[0] * size[1])
             .into_par_iter()
             .map(|i| {
                 let pixel = [i % size[0], i / size[0]];
-                let (mut sum, mut estimate) = ([0.0; 3], Estimate::default());
+                let (mut sum, mut estimate) = ([0.0; 4], Estimate::default());
+                let mut lessons = Vec::new();
                 for index in 0..samples {
                     if (stage.is_cancelled)() {
                         break;
@@ -47,10 +51,13 @@ impl Trial {
                     let camera_ray = scene.camera_ray(Vec2::new(at(0, u.x), at(1, u.y)), stream.next_2d());
                     estimate.reset(0);
                     let mut probe = Probe::new(1, 0.0);
+                    probe.lessons = Some(lessons);
                     path.probe(scene, &camera_ray, &mut stream, &mut estimate, &mut probe);
                     let light = f64::from(estimate.radiance.luminance());
                     let light = if light.is_finite() { light } else { 0.0 };
-                    sum = [sum[0] + light, sum[1] + light * light, sum[2] + f64::from(probe.edges)];
+                    lessons = probe.lessons.unwrap_or_default();
+                    let rarer: f64 = lessons.drain(..).map(|l| f64::from(l.rarer())).filter(|v| v.is_finite()).sum();
+                    sum = [sum[0] + light, sum[1] + light * light, sum[2] + f64::from(probe.edges), sum[3] + rarer];
                 }
                 sum.map(|v| v / f64::from(samples))
             })
@@ -60,12 +67,13 @@ impl Trial {
             size,
             mean: pixels.iter().map(|p| p[0]).collect(),
             variance: pixels.iter().map(|p| (p[1] - p[0] * p[0]).max(0.0) * unbiased).collect(),
+            saved: pixels.iter().map(|p| p[3]).collect(),
             edges: pixels.iter().map(|p| p[2]).sum::<f64>() / pixels.len() as f64,
         }
     }
 
-    /// The variance of a sample, relative to what these trials see around each pixel.
-    pub fn noise(&self, trials: &[&Self]) -> f64 {
+    /// The variance of a sample, relative to what these trials see around each pixel, and how large it would be without a guide.
+    pub fn noise(&self, trials: &[&Self]) -> [f64; 2] {
         let columns = self.size[0].div_ceil(BLOCK);
         let block = |i: usize| i / self.size[0] / BLOCK * columns + i % self.size[0] / BLOCK;
         let mut sums = vec![[0.0; 2]; columns * self.size[1].div_ceil(BLOCK)];
@@ -77,10 +85,14 @@ impl Trial {
         }
         let [light, n] = sums.iter().fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]]);
         let floor = 0.01 * (light / n).powi(2);
-        let relative = |(i, variance): (usize, &f64)| {
-            let [light, n] = sums[block(i)];
-            variance / ((light / n).powi(2) + floor).max(1e-300)
+        let mean = |values: &[f64]| {
+            let relative = |(i, value): (usize, &f64)| {
+                let [light, n] = sums[block(i)];
+                value / ((light / n).powi(2) + floor).max(1e-300)
+            };
+            values.iter().enumerate().map(relative).sum::<f64>() / values.len() as f64
         };
-        self.variance.iter().enumerate().map(relative).sum::<f64>() / self.variance.len() as f64
+        let noise = mean(&self.variance);
+        [noise, noise + mean(&self.saved).max(0.0)]
     }
 }
