@@ -332,7 +332,7 @@ fn clouds_are_grids() {
     let [bottom, middle, top] = [0, ny / 2 + 1, ny - 1].map(mean);
     assert!(bottom > 0.98 && (0.05..0.7).contains(&middle) && top < 0.02, "{bottom}, {middle}, {top}");
     assert!(volume.data.iter().all(|v| (0.0..=1.0).contains(v)));
-    assert_eq!(volume.world_from_volume.transform_point3(glam::Vec3::ZERO), glam::Vec3::new(-1.0, 0.0, -1.0));
+    assert_eq!(volume.world_from_volume.transform_point3(Vec3::ZERO), Vec3::new(-1.0, 0.0, -1.0));
     for hostile in ["\"float frequency\" 1e38", "\"float wispiness\" 1e38 \"float frequency\" 1"] {
         assert!(of(hostile).volumes[0].value.data.iter().all(|v| (0.0..=1.0).contains(v)), "{hostile}");
     }

@@ -95,7 +95,7 @@ impl Field {
         for of_leaf in &members {
             let mean = |value: &dyn Fn(&Sample) -> f32| {
                 let sum: f64 = of_leaf.iter().map(|&i| f64::from(value(&samples[i as usize]))).sum();
-                (sum / of_leaf.len().max(1) as f64) as f32
+                (sum / of_leaf.len().max(1) as f64).clamp(0.0, f64::from(f32::MAX)) as f32
             };
             let leaf = Leaf { root: NONE, sent: mean(&|s| s.sent), all: mean(&|s| s.all) };
             of_leaf.iter().for_each(|&i| sent[i as usize] = leaf.sent);
@@ -147,6 +147,7 @@ fn divide(samples: &[Sample], of_node: &mut [u32], nodes: &mut Vec<Node>, leaves
         .iter()
         .fold((Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY)), |(low, high), &i| (low.min(p(i)), high.max(p(i))));
     let extent = high - low;
+    let index = nodes.len();
     if of_node.len() <= LEAF || extent.max_element() <= 0.0 {
         nodes.push(Node { at: 0.0, link: (leaves.len() as u32) << 2 | 3 });
         leaves.push(of_node.to_vec());
@@ -157,7 +158,6 @@ fn divide(samples: &[Sample], of_node: &mut [u32], nodes: &mut Vec<Node>, leaves
     // Equal coordinates in the order of the samples.
     of_node.select_nth_unstable_by(middle, |&a, &b| p(a)[axis].total_cmp(&p(b)[axis]).then(a.cmp(&b)));
     let at = p(of_node[middle])[axis];
-    let index = nodes.len();
     nodes.push(Node { at, link: 0 });
     let (first, second) = of_node.split_at_mut(middle);
     divide(samples, first, nodes, leaves);

@@ -50,8 +50,8 @@ impl Guiding {
 const SHARE: f32 = 0.5;
 const SHARE_GLOSSY: f32 = 0.25;
 /// Paths that will find less than this share of what the camera sees there end by roulette, and how likely they go on at least.
-const WORTH: f32 = 0.25;
-const LEAST_SURVIVAL: f32 = 0.1;
+const WORTH: f32 = 0.1;
+const LEAST_SURVIVAL: f32 = 0.2;
 /// Relative variance of a sample from which on it is tried whether guided paths have less.
 const LEAST_NOISE: f64 = 3.0;
 /// Samples of each pixel of the first trials and of the last ones.
