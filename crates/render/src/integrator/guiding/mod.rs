@@ -1,5 +1,11 @@
-//! Path guiding: directions for paths learned from paths (Müller, Gross, Novák 2017, "Practical Path Guiding for Efficient
+//! Path guiding: paths learn where light comes from, and go there (Müller, Gross, Novák 2017, "Practical Path Guiding for Efficient
 //! Light-Transport Simulation", doi:10.1111/cgf.13227).
+//!
+//! `learn` traces rounds of paths, each guided by what those before have learned; `field` sorts their vertices into places and sides of
+//! surfaces; `quadtree` holds the directions of each place; `trial` says whether all of this pays. A guided direction is weighed by the
+//! densities of both ways to choose it, so that the estimate has no bias whatever was learned.
+//!
+//! Guided are surfaces all of whose scattering, but for mirrors and holes, stays on one side. Mirrors, glass and media go their own way.
 
 mod field;
 mod learn;
