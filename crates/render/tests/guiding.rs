@@ -44,6 +44,19 @@ fn cove() -> SceneDesc {
     desc
 }
 
+/// The room, lit by a lamp in a shade that is open above.
+fn shade() -> SceneDesc {
+    let mut desc = room();
+    let white = diffuse(&mut desc, 0.6);
+    let paper = bsdf(&mut desc, BsdfDesc::TwoSided { front: white, back: white });
+    let [p0, p1] = [1.2, 1.75].map(|z| Vec3::new(0.45, 0.4, z));
+    shape(&mut desc, GeometryDesc::Cylinder { p0, p1, radius: 0.15 }, Mat4::IDENTITY, Some(paper));
+    rectangle(&mut desc, p0, [0.15; 2], false, Some(paper));
+    let lamp = sphere(&mut desc, Vec3::new(0.45, 0.4, 1.3), 0.05, Some(white));
+    emit(&mut desc, lamp, Color::Constant([1200.0, 1050.0, 850.0]));
+    desc
+}
+
 /// Balls of what guides do and do not know: gloss with and without a diffuse part, mirrors, glass, frosted glass, and a mask.
 fn with_balls(mut desc: SceneDesc) -> SceneDesc {
     for (i, model) in
@@ -84,35 +97,35 @@ fn guided_paths_agree_with_others() {
     }
 }
 
-/// In a cove they have less noise for each camera ray, and a trial says that they have for each second.
+/// Where light comes by way of a small patch they have less noise for each camera ray, and a trial says that they have for each second.
 #[test]
 fn guided_paths_are_chosen_where_they_pay() {
     let notes = |desc: &SceneDesc, integrator: &str| {
-        let settings = RenderSettings { integrator: Some(integrator.into()), ..settings(120, 90, 1) };
+        let settings = RenderSettings { integrator: Some(integrator.into()), ..settings(320, 240, 1) };
         let mut session = session(desc, &settings);
         session.render(&Stop { spp: Some(1), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
         session.notes().join("\n")
     };
-    let desc = cove();
-    let said = notes(&desc, "path");
-    assert!(said.contains("path: guided"), "{said}");
-    let said = notes(&desc, "auto");
+    let said = notes(&shade(), "path");
+    assert!(said.contains("path: guided, which has"), "{said}");
+    let said = notes(&shade(), "auto");
     assert!(said.contains("auto: guided path tracing;"), "{said}");
     // The light of a lamp in plain view is found well without.
-    let mut desc = room();
-    let white = diffuse(&mut desc, 0.6);
-    let lamp = rectangle(&mut desc, Vec3::new(0.0, 0.0, 1.99), [0.3; 2], true, Some(white));
-    emit(&mut desc, lamp, Color::gray(4.0));
-    let said = notes(&desc, "path");
+    let mut plain = room();
+    let white = diffuse(&mut plain, 0.6);
+    let lamp = rectangle(&mut plain, Vec3::new(0.0, 0.0, 1.99), [0.3; 2], true, Some(white));
+    emit(&mut plain, lamp, Color::gray(4.0));
+    let said = notes(&plain, "path");
     assert!(!said.contains("guided"), "{said}");
 
-    let desc = cove();
-    let variance = |guiding| {
-        let blocks = Blocks::of_seeds(&desc, &with(guiding, 1, 16), 8);
+    let variance = |guiding: &str| {
+        let settings = RenderSettings { guiding: Some(guiding.into()), max_splits: Some(1), ..settings(320, 240, 8) };
+        let blocks = Blocks::new(&[render(&shade(), &settings)], 8);
         blocks.variance.iter().flatten().sum::<f64>()
     };
     let [guided, others] = ["on", "off"].map(variance);
-    assert!(guided < 0.5 * others, "{guided} instead of {others}");
+    println!("variance {guided} instead of {others}");
+    assert!(guided < 0.6 * others, "{guided} instead of {others}");
 }
 
 /// What is learned is a function of scene, settings and seed: parts of a picture merge to the whole.

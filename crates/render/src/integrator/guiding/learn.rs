@@ -17,12 +17,11 @@ use crate::spectrum::Spectrum;
 const PATHS_OF_PIXEL: u64 = 4;
 const LEAST_PATHS: u64 = 1 << 12;
 const MOST_PATHS: u64 = 1 << 19;
-/// Samples that are kept at most: 200 MB.
-const MOST_SAMPLES: usize = 1 << 22;
 /// Each round has twice the paths of all before it together, guided by what those have learned.
 pub(super) const ROUNDS: u32 = 4;
-/// Paths that are traced one after the other.
+/// Paths that are traced one after the other, and samples from which on no more of them are: 200 MB in all chunks.
 const CHUNK: u64 = 1024;
+const MOST_SAMPLES: usize = 8192;
 /// Columns of the paths' random numbers.
 const COLUMNS: u64 = 4096;
 /// The random numbers are not those of the picture.
@@ -153,11 +152,9 @@ impl Learner {
                 return None;
             }
             for chunk in chunks {
-                if self.samples.len() + chunk.len() <= MOST_SAMPLES {
-                    let offset = self.samples.len() as u32;
-                    let moved = |s: Sample| Sample { next: if s.next == NONE { NONE } else { s.next + offset }, ..s };
-                    self.samples.extend(chunk.into_iter().map(moved));
-                }
+                let offset = self.samples.len() as u32;
+                let moved = |s: Sample| Sample { next: if s.next == NONE { NONE } else { s.next + offset }, ..s };
+                self.samples.extend(chunk.into_iter().map(moved));
             }
             self.path.guide = Some(Guide { field: Field::learn(&self.samples).into() });
             self.done = end;
@@ -172,7 +169,7 @@ fn trace(path: &Path, scene: &Scene, stage: &Stage, sampler: &Sampler, range: st
     let mut lessons = Vec::new();
     let size = Vec2::new(stage.size[0] as f32, stage.size[1] as f32);
     for i in range {
-        if (stage.is_cancelled)() {
+        if samples.len() >= MOST_SAMPLES || (stage.is_cancelled)() {
             break;
         }
         let mut stream = sampler.stream((i % COLUMNS) as u32, (i / COLUMNS) as u32, 0);

@@ -116,7 +116,7 @@ impl Guide {
         let says = |gain: f64| format!("{gain:.1} times less noise at equal cost in a pilot than paths that are not");
         let no = |gain: f64| (None, Some(format!("path: not guided, as guided paths have {}", says(gain))));
         // A part of what there is to learn shows whether the rest is worth its time.
-        let Some(first) = learner.learn(ROUNDS - 2, scene, stage) else { return (None, None) };
+        let Some(first) = learner.learn(ROUNDS - 1, scene, stage) else { return (None, None) };
         let promise = gain(&first, &unguided, SAMPLES[0]);
         if promise < LEAST_PROMISE {
             return no(promise);

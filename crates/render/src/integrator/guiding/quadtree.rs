@@ -239,7 +239,7 @@ mod tests {
         }
         let toward = Vec3::new(0.3, -0.5, 0.8).normalize();
         let near = (0..1000).filter(|_| trees.sample(root, random(&mut rng)).0.dot(toward) > 0.95).count();
-        assert!(near > 750, "{near} of 1000");
+        assert!(near > 650, "{near} of 1000");
     }
 
     #[test]
