@@ -458,12 +458,14 @@ impl Path {
             return self.survives(path.depth, &mut path.throughput, path.spare * path.guided.max(1.0), &mut numbers);
         };
         path.guided = (path.guided * sample.pdf / bsdf_pdf).clamp(1e-6, 1e6);
-        if path.seen == 0.0 {
-            path.seen = carried * directions.all();
-            return true;
-        }
+        // Whatever was learned, no path goes on for ever.
         let limit = if path.depth >= self.rr_depth { 0.99 } else { 1.0 };
-        let survive = directions.survival(carried, path.seen).min(limit);
+        let survive = if path.seen == 0.0 {
+            path.seen = carried * directions.all();
+            limit
+        } else {
+            directions.survival(carried, path.seen).min(limit)
+        };
         let survives = numbers.next_1d() < survive;
         path.throughput /= survive;
         survives

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use super::quadtree::{Quadtrees, Weighted, square_from_direction};
+use super::quadtree::{Quadtrees, Weighted};
 use crate::math::{Vec2, Vec3};
 
 /// Samples of a leaf, at most; it has half as many at least, where there are so many.
@@ -165,18 +165,13 @@ fn divide(samples: &[Sample], of_node: &mut [u32], nodes: &mut Vec<Node>, leaves
     divide(samples, second, nodes, leaves);
 }
 
-/// The square's point for a direction.
-#[inline]
-pub(super) fn square(d: Vec3) -> Vec2 {
-    square_from_direction(d)
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::quadtree::square_from_direction;
     use super::*;
 
     fn sample(p: Vec3, n: Vec3, toward: Vec3) -> Sample {
-        let at = square(toward);
+        let at = square_from_direction(toward);
         Sample { p, side: side(n), at, factor: 1.0, light: 1.0, next: NONE, carry: 0.0, sent: p.x, all: 2.0 * p.x }
     }
 

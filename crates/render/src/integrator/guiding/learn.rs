@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use super::field::{Field, NONE, Sample, side, square};
+use super::field::{Field, NONE, Sample, side};
+use super::quadtree::square_from_direction;
 use super::{Guide, can_guide};
 use crate::integrator::splitting::Probe;
 use crate::integrator::{Estimate, Path, Stage};
@@ -80,12 +81,12 @@ impl Lesson {
     #[inline]
     pub fn leave(&mut self, cos: f32, wi: Vec3, pdf: f32, throughput: Spectrum, out: &Estimate) {
         self.after = [out.radiance.luminance(), throughput.luminance()];
-        self.at = square(wi);
+        self.at = square_from_direction(wi);
         self.factor = cos.abs() / pdf;
     }
 }
 
-/// The shading normal on the side of a direction.
+/// The geometric normal on the side of a direction.
 #[inline]
 pub(super) fn facing(s: &Surface, wo: Vec3) -> Vec3 {
     if s.ng.dot(wo) < 0.0 { -s.ng } else { s.ng }

@@ -11,7 +11,7 @@ const LEAST_SHARE: f32 = 0.01;
 const LEAST_SAMPLES: usize = 12;
 /// One sample counts at most for this share of what all show: those that were found by luck would hide the others.
 const MOST_OF_ONE: f64 = 0.05;
-/// Rounds in which that is found; a value is at most 50 times smaller after each.
+/// Rounds in which that is found; a value is at most 20 times smaller after each.
 const ROUNDS: u32 = 40;
 
 /// The point of the unit square for a unit direction.
