@@ -124,8 +124,7 @@ fn room() -> SceneDesc {
     desc
 }
 
-/// What chains bring is what paths find by chance, and nothing counts twice. Paths that do not split, whose noise hides that rare chains
-/// carry a tenth of the light of the dimmest block below the shell, which 200 samples of `mnee` do not find.
+/// What chains bring is what paths find by chance, and nothing counts twice.
 #[test]
 fn small_lamps() {
     type Change = fn(&mut SceneDesc);
@@ -159,7 +158,7 @@ fn small_lamps() {
     for (name, change) in scenes {
         let mut desc = room();
         change(&mut desc);
-        let path = blocks(&desc, &RenderSettings { max_splits: Some(1), ..method("path", 5, 192) });
+        let path = blocks(&desc, &method("path", 5, 192));
         assert_same(&format!("mnee {name}"), &blocks(&desc, &method("mnee", 5, 24)), &path, 4e-3, 0.8);
     }
 }

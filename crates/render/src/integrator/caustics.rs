@@ -33,22 +33,6 @@ pub(super) struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// The point.
-    pub fn p(&self) -> Vec3 {
-        match self.place {
-            Place::Surface(s, _) => s.p,
-            Place::Medium(p, _) => p,
-        }
-    }
-
-    /// Where a ray along `w` starts.
-    pub fn origin(&self, w: Vec3) -> Vec3 {
-        match self.place {
-            Place::Surface(s, _) => s.offset_origin(w),
-            Place::Medium(p, _) => p,
-        }
-    }
-
     /// The media along `w`.
     pub fn media(&self, scene: &Scene, w: Vec3) -> MediumStack {
         let mut media = *self.media;

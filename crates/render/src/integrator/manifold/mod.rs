@@ -6,13 +6,14 @@
 //! leads there again has the reciprocal as mean (Zeltner, Georgiev, Jakob 2020, "Specular Manifold Sampling",
 //! doi:10.1145/3386569.3392408, section 4.3). So the light of chains is estimated without bias.
 //!
-//! Left out, and so missing: chains that fewer than about one start in [`MAX_TRIALS`] finds; and to lights that chance cannot meet, those
+//! Left out, and so missing, are of lights that chance cannot meet: chains that fewer than about one start in [`MAX_TRIALS`] finds, and those
 //! that are so near to a fold that single precision cannot tell them from their twins (`walk`).
 //!
 //! What chains bring must not count again where a path meets the light by chance, and what they do not look for is left to such
 //! paths. Of surfaces' light each has a share where both find it ([`Chains::share`]): where a chain focuses light so much that paths often
-//! meet the lamp, and next to folds, it is theirs, and the search's noise is bounded by that of paths. Which share it is depends on the
-//! chain alone, never on what was found ([`Chains::after`], [`Caustics::found`]):
+//! meet the lamp, next to folds, and where few starts find it, it is theirs, and the search's noise is bounded by that of paths. Which share
+//! it is depends on the chain alone ([`Chains::after`], [`Chains::share`]), but for the starts: a path that has met a light by a chain
+//! looks for it as the search does, and so leaves its light as often as the search brings it ([`Caustics::found`]):
 //!
 //! - a chain has at most [`MAX_VERTICES`] vertices: refractions by smooth dielectrics and reflections by smooth conductors, in any order,
 //!   and at most one reflection by a dielectric; surfaces that let light straight through may be on its way;
@@ -35,11 +36,12 @@ use crate::scene::{Scene, Surface};
 use crate::shape::{Shape, area_to_solid_angle, triangle};
 use crate::spectrum::Spectrum;
 use casters::Casters;
-use walk::{Beam, Caster, MAX_VERTICES, Plan, Solution, Target, Tracer, follow};
+use walk::{Beam, Caster, MAX_VERTICES, Origin, Plan, Solution, Target, Tracer};
 
-/// Starts after which a chain that was not found again is given up. The mean number of starts is no more than the number of chains and
-/// one, whatever their probabilities.
+/// Starts after which a chain that was not found again is given up, for lights that chance cannot meet and for others, whose light is then
+/// left to paths. The mean number of starts is no more than the number of chains and one, whatever their probabilities.
 const MAX_TRIALS: u32 = 4096;
+const MAX_TRIALS_SHARED: u32 = 128;
 /// A surface that emits is large where its radius is more than this share of its distance.
 const LARGEST: f32 = 0.12;
 /// How often a start aims straight at the light; else at a random point of a caster.
@@ -79,30 +81,34 @@ enum Size {
     Ball(Vec3, f32),
 }
 
-/// The chain that a path has followed since its last rough surface.
+/// Where chains start, and of which kinds.
 #[derive(Clone, Copy)]
-pub(super) struct Followed {
-    /// Where it started.
-    p: Vec3,
+struct Foot {
+    origin: Origin,
     diffuse: bool,
-    /// The first edge: its origin and unit direction, once it is known.
-    first: Option<[Vec3; 2]>,
-    plan: Plan,
-    glass_has_reflected: bool,
+    /// The most vertices.
+    longest: u32,
 }
 
-impl Followed {
-    /// Chains that start at a place.
-    fn from(place: Place) -> Self {
+impl Foot {
+    fn new(place: Place, longest: u32) -> Self {
+        let longest = longest.min(MAX_VERTICES);
         match place {
-            Place::Surface(s, scatter) => Self::at(s.p, scatter.has_diffuse(), None),
-            Place::Medium(p, _) => Self::at(p, true, None),
+            Place::Surface(s, scatter) => Self { origin: Origin { p: s.p, ng: s.ng }, diffuse: scatter.has_diffuse(), longest },
+            Place::Medium(p, _) => Self { origin: Origin { p, ng: Vec3::ZERO }, diffuse: true, longest },
         }
     }
+}
 
-    fn at(p: Vec3, diffuse: bool, first: Option<[Vec3; 2]>) -> Self {
-        Self { p, diffuse, first, plan: Plan::default(), glass_has_reflected: false }
-    }
+/// The chain that a path has followed since its last rough surface or point of a medium.
+#[derive(Clone, Copy)]
+pub(super) struct Followed {
+    foot: Foot,
+    /// Its unit direction at the start, once it is known.
+    first: Option<Vec3>,
+    plan: Plan,
+    /// The vertex at which glass has reflected.
+    reflect: u32,
 }
 
 impl Chains {
@@ -120,76 +126,87 @@ impl Chains {
         let c = chain.filter(|c| c.plan.vertices < MAX_VERTICES && s.solid.is_none())?;
         let reflects = lobe.contains(Lobe::REFLECTION);
         let glass_reflects = self.casters.of_material(s.material)? != Caster::Mirror && reflects;
-        if glass_reflects && c.glass_has_reflected {
+        if glass_reflects && c.reflect != NOWHERE {
             return None;
         }
         let first = match c.first {
             Some(first) => first,
-            None => [c.p, (s.p - c.p).try_normalize()?],
+            None => (s.p - c.foot.origin.p).try_normalize()?,
         };
         let Plan { vertices, reflects: before } = c.plan;
         let plan = Plan { vertices: vertices + 1, reflects: before | u32::from(reflects) << vertices };
-        Some(Followed { first: Some(first), plan, glass_has_reflected: c.glass_has_reflected || glass_reflects, ..c })
+        Some(Followed { first: Some(first), plan, reflect: if glass_reflects { vertices } else { c.reflect }, ..c })
     }
 
     /// Whether chains that start at a point are looked for to a light.
     #[inline]
-    fn covers(&self, scene: &Scene, light: u32, from: &Followed) -> bool {
+    fn covers(&self, scene: &Scene, light: u32, from: &Foot) -> bool {
         match self.sizes[light as usize] {
             None => false,
             Some(Size::Small) => from.diffuse || scene.lights[light as usize].is_delta(),
-            Some(Size::Ball(center, radius)) => from.diffuse && radius * radius < (LARGEST * LARGEST) * (center - from.p).length_squared(),
+            Some(Size::Ball(center, radius)) => {
+                from.diffuse && radius * radius < (LARGEST * LARGEST) * (center - from.origin.p).length_squared()
+            }
         }
     }
 
     /// The share of the light of a chain that the search brings; paths that meet the light by chance bring the rest. A function of the
     /// chain alone, after the power heuristic (Veach 1997, section 9.2.2) for the density of the search over that of paths, but for what
     /// nobody knows of the former. `None`: all is left to paths.
-    fn share(&self, light: u32, glass_reflects: bool, target: Target, end: &Beam) -> Option<f32> {
-        let determinant = target.sound_determinant(end)?;
+    fn share(&self, light: u32, glass_reflects: bool, determinant: f32) -> Option<f32> {
         let Some(Size::Ball(_, radius)) = self.sizes[light as usize] else { return Some(1.0) };
         let ratio = SEARCHED * determinant.abs() / (radius * radius) * if glass_reflects { SEARCHED_REFLECTIONS } else { 1.0 };
         let share = if ratio > 1.0 { 1.0 / (1.0 + 1.0 / (ratio * ratio)) } else { ratio * ratio / (1.0 + ratio * ratio) };
         (share > LEAST_SHARE).then_some(share)
     }
 
-    /// The end of a chain that a path has followed, and the point of the light that it meets there.
-    fn end(&self, scene: &Scene, chain: &Followed, light: u32) -> Option<(Beam, Target)> {
-        let [o, w] = chain.first?;
-        let beam = follow(scene, self.casters.by_material(), Beam::new(o, w), chain.plan)?;
+    /// A chain that a path has followed to a light, and the point that it meets there.
+    fn solution(&self, tracer: &Tracer, chain: &Followed, light: u32) -> Option<(Solution, Target)> {
+        let (scene, plan, w) = (tracer.scene, chain.plan, chain.first?);
+        let end = tracer.follow(w, plan)?;
+        let target = self.target(scene, &end, light)?;
+        let determinant = target.sound_determinant(&end)?;
+        Some((Solution { w, plan, end, determinant }, target))
+    }
+
+    /// The point of a light that the last edge of a chain meets.
+    fn target(&self, scene: &Scene, end: &Beam, light: u32) -> Option<Target> {
         if !matches!(scene.lights[light as usize], Light::Area(_)) {
-            return Some((beam, Target::Direction(beam.d)));
+            return Some(Target::Direction(end.d));
         }
-        let mut ray = Ray::new(beam.o, beam.d);
+        let mut ray = Ray::new(end.o, end.d);
         for _ in 0..MAX_CROSSINGS {
             let s = scene.intersect(&ray)?;
             if s.light(scene) == Some(light) {
-                return Some((beam, Target::Point(s.p)));
+                return Some(Target::Point(s.p));
             }
             ray = beyond(&ray, &s);
         }
         None
     }
 
-    fn pmf(&self, scene: &Scene, chain: &Followed, light: u32) -> f32 {
-        let ctx = LightContext { p: chain.p, n: Vec3::ZERO };
+    fn tracer<'a>(&'a self, scene: &'a Scene, foot: &Foot) -> Tracer<'a> {
+        Tracer { scene, casters: self.casters.by_material(), start: foot.origin }
+    }
+
+    fn pmf(&self, scene: &Scene, foot: &Foot, light: u32) -> f32 {
+        let ctx = LightContext { p: foot.origin.p, n: Vec3::ZERO };
         0.5 * (self.by_power.pmf(&ctx, light) + scene.light_sampler.pmf(&ctx, light))
     }
 
-    /// An unbiased estimate of the light that chains of up to `longest` vertices bring to a point and that it sends to the viewer, with its
-    /// light group. `None`: nothing.
-    pub fn estimate(&self, scene: &Scene, start: &Start, longest: u32, rng: &mut HashRng) -> Option<(Spectrum, u32)> {
-        let longest = longest.min(MAX_VERTICES);
-        let from = Followed::from(start.place);
-        let ctx = LightContext { p: from.p, n: Vec3::ZERO };
+    /// An unbiased estimate of the light that chains from a foot bring to a point and that it sends to the viewer, with its light group.
+    /// `None`: nothing.
+    fn estimate(&self, scene: &Scene, start: &Start, foot: &Foot, rng: &mut HashRng) -> Option<(Spectrum, u32)> {
+        let ctx = LightContext { p: foot.origin.p, n: Vec3::ZERO };
         let sampler = if rng.next_1d() < 0.5 { &self.by_power } else { &scene.light_sampler };
         let (light, _) = sampler.sample(&ctx, rng.next_1d())?;
-        if longest == 0 || !self.covers(scene, light, &from) {
+        if foot.longest == 0 || !self.covers(scene, light, foot) {
             return None;
         }
         let source = Source::sample(scene, light, &ctx, rng)?;
-        let tracer = Tracer { scene, casters: self.casters.by_material(), start: *start };
-        let mut search = Search::new(&tracer, &self.casters, &source, longest, rng);
+        let tracer = self.tracer(scene, foot);
+        let (reflect, kind) = choose_reflection(rng.next_1d(), foot.longest);
+        let mut search = Search::new(&tracer, &self.casters, source.target, foot.longest, reflect);
         // Where the light is in plain view, little comes by chains.
         let chance = if search.straight.is_some() { 1.0 } else { IN_PLAIN_VIEW };
         if rng.next_1d() >= chance {
@@ -200,17 +217,22 @@ impl Chains {
         if f.is_black() {
             return None;
         }
-        let own = self.share(light, search.reflect != NOWHERE, source.target, &first.end)?;
+        let own = self.share(light, reflect != NOWHERE, first.determinant)?;
         let sent = source.sent(scene, light, &first)? * own;
-        let through = tracer.value(&first, source.target, rng)?;
-        let value = f * through * sent / (first.determinant.abs() * search.share * chance * self.pmf(scene, &from, light));
+        let through = tracer.value(&first, source.target, start.media(scene, first.w), rng)?;
+        let value = f * through * sent / (first.determinant.abs() * kind * chance * self.pmf(scene, foot, light));
         if value.is_black() || !value.is_finite() {
             return None;
         }
         // The number of starts until the chain is found again.
-        let trials = (1..=MAX_TRIALS).find(|_| search.chain(rng).is_some_and(|again| again.is(&first)))?;
+        let trials = (1..=max_trials(scene, light)).find(|_| search.chain(rng).is_some_and(|again| again.is(&first)))?;
         Some((value * trials as f32, scene.light_groups[light as usize]))
     }
+}
+
+/// Starts after which a chain to a light is given up.
+fn max_trials(scene: &Scene, light: u32) -> u32 {
+    if scene.lights[light as usize].is_delta() { MAX_TRIALS } else { MAX_TRIALS_SHARED }
 }
 
 /// First dimension of the numbers that the search for chains takes: beyond those of any path.
@@ -223,52 +245,72 @@ const DEEP_CHAINS: f32 = 0.5;
 #[derive(Clone)]
 pub(super) struct Trail {
     rng: HashRng,
+    /// Where the path is, if it is where chains can start.
+    here: Option<Foot>,
     chain: Option<Followed>,
+}
+
+impl Trail {
+    /// The path starts a chain where it is.
+    fn begin(&mut self, first: Option<Vec3>) {
+        self.chain = self.here.map(|foot| Followed { foot, first, plan: Plan::default(), reflect: NOWHERE });
+    }
 }
 
 impl Caustics for Chains {
     type Trail = Trail;
 
     fn start(&self, stream: &SampleStream) -> Trail {
-        Trail { rng: stream.at(CHAIN_DIMENSIONS).rng(), chain: None }
+        Trail { rng: stream.at(CHAIN_DIMENSIONS).rng(), here: None, chain: None }
     }
 
     #[inline(never)]
     fn add(&self, scene: &Scene, start: &Start, throughput: Spectrum, depths: [u32; 2], trail: &mut Trail, out: &mut Estimate) {
         let [depth, max_depth] = depths;
+        let foot = Foot::new(start.place, max_depth - depth - 1);
+        trail.here = Some(foot);
         let chance = if depth == 0 { 1.0 } else { DEEP_CHAINS };
         if trail.rng.next_1d() >= chance {
             return;
         }
-        if let Some((light, group)) = self.estimate(scene, start, max_depth - depth - 1, &mut trail.rng) {
+        if let Some((light, group)) = self.estimate(scene, start, &foot, &mut trail.rng) {
             out.add(throughput * light / chance, group);
         }
     }
 
     #[inline]
-    fn scattered(&self, trail: &mut Trail, s: &Surface, scatter: &Scatter, sample: &BsdfSample) {
-        let is_delta = sample.lobe.contains(Lobe::DELTA);
-        trail.chain = match is_delta {
-            true => self.after(trail.chain, s, sample.lobe),
-            false => Some(Followed::at(s.p, scatter.has_diffuse(), Some([s.offset_origin(sample.wi), sample.wi]))),
-        };
+    fn scattered(&self, trail: &mut Trail, s: &Surface, _: &Scatter, sample: &BsdfSample) {
+        if sample.lobe.contains(Lobe::DELTA) {
+            trail.chain = self.after(trail.chain, s, sample.lobe);
+        } else {
+            trail.begin(Some(sample.wi));
+        }
     }
 
     #[inline]
-    fn scattered_in_medium(&self, trail: &mut Trail, p: Vec3) {
-        trail.chain = Some(Followed::at(p, true, None));
+    fn scattered_in_medium(&self, trail: &mut Trail, _: Vec3) {
+        trail.begin(None);
     }
 
     #[inline]
     fn found(&self, scene: &Scene, trail: &Trail, light: u32) -> bool {
-        let Some(chain) = trail.chain.filter(|c| c.plan.vertices > 0 && self.covers(scene, light, c)) else { return false };
-        if !(self.pmf(scene, &chain, light) > 0.0) {
+        let Some(chain) = trail.chain.filter(|c| c.plan.vertices > 0 && self.covers(scene, light, &c.foot)) else { return false };
+        if !(self.pmf(scene, &chain.foot, light) > 0.0) {
             return false;
         }
-        let end = self.end(scene, &chain, light);
-        let own = end.and_then(|(beam, target)| self.share(light, chain.glass_has_reflected, target, &beam));
+        let tracer = self.tracer(scene, &chain.foot);
+        let Some((solution, target)) = self.solution(&tracer, &chain, light) else { return false };
+        let Some(own) = self.share(light, chain.reflect != NOWHERE, solution.determinant) else { return false };
+        let mut rng = trail.rng.clone();
         // All of the light or nothing, by chance: in the mean what the search does not bring.
-        own.is_some_and(|own| trail.rng.clone().next_1d() < own)
+        if rng.next_1d() >= own {
+            return false;
+        }
+        // A chain that one start finds with a probability p has the share Σ n p² (1 − p)ⁿ⁻¹, n up to the most trials, of its light by the search,
+        // which is the probability that so many starts and one find it twice.
+        let mut search = Search::new(&tracer, &self.casters, target, chain.foot.longest, chain.reflect);
+        let starts = 0..=max_trials(scene, light);
+        starts.filter(|_| search.chain(&mut rng).is_some_and(|again| again.is(&solution))).nth(1).is_some()
     }
 
     #[inline]
@@ -285,8 +327,6 @@ struct Search<'a> {
     longest: u32,
     /// The vertex at which glass reflects.
     reflect: u32,
-    /// The probability of this kind.
-    share: f32,
     /// Straight to the light, where a caster is in the way, and the chain that this start leads to once it is known.
     straight: Option<Straight>,
 }
@@ -298,18 +338,16 @@ struct Straight {
 }
 
 impl<'a> Search<'a> {
-    fn new(tracer: &'a Tracer, casters: &'a Casters, source: &Source, longest: u32, rng: &mut HashRng) -> Self {
-        let target = source.target;
-        let (reflect, share) = choose_reflection(rng.next_1d(), longest);
+    fn new(tracer: &'a Tracer, casters: &'a Casters, target: Target, longest: u32, reflect: u32) -> Self {
         let w = match target {
-            Target::Point(to) => (to - tracer.start.p()).try_normalize(),
+            Target::Point(to) => (to - tracer.start.p).try_normalize(),
             Target::Direction(d) => Some(d),
         };
         // Reflections are seldom on the straight way.
         let straight = w
             .filter(|_| reflect == NOWHERE)
             .and_then(|w| Some(Straight { w, plan: tracer.plan(w, target, reflect, longest, 1.0)?, chain: None }));
-        Self { tracer, casters, target, longest, reflect, share, straight }
+        Self { tracer, casters, target, longest, reflect, straight }
     }
 
     /// A chain from a random start.
@@ -321,7 +359,7 @@ impl<'a> Search<'a> {
             let Straight { w, plan, chain } = straight;
             return *chain.get_or_insert_with(|| self.tracer.solve(*w, *plan, self.target));
         }
-        let p = self.tracer.start.p();
+        let p = self.tracer.start.p;
         let w = (self.casters.point(self.tracer.scene, p, rng)? - p).try_normalize()?;
         let plan = self.tracer.plan(w, self.target, self.reflect, self.longest, u_length)?;
         self.tracer.solve(w, plan, self.target)

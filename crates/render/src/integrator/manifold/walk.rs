@@ -9,11 +9,12 @@ use std::cell::Cell;
 
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode, fresnel};
-use crate::integrator::caustics::Start;
 use crate::integrator::light_sampling::{beyond, towards, transmittance};
 use crate::math::{Frame, ONE_MINUS_EPSILON, Vec2, Vec3};
+use crate::medium::MediumStack;
 use crate::sampler::HashRng;
 use crate::scene::geometry::NONE;
+use crate::scene::surface::offset;
 use crate::scene::{Scene, Surface};
 use crate::spectrum::Spectrum;
 
@@ -46,6 +47,21 @@ pub(super) enum Caster {
     Glass(f32),
     /// A smooth mirror.
     Mirror,
+}
+
+/// Where chains start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Origin {
+    pub p: Vec3,
+    /// The geometric normal; zero in a medium.
+    pub ng: Vec3,
+}
+
+impl Origin {
+    /// The beam that starts along `w`.
+    pub fn beam(&self, w: Vec3) -> Beam {
+        Beam::new(offset(self.p, if self.ng.dot(w) < 0.0 { -self.ng } else { self.ng }), w)
+    }
 }
 
 /// Where chains are to end.
@@ -157,24 +173,19 @@ pub(super) struct Tracer<'a> {
     pub scene: &'a Scene,
     /// What each material does to chains.
     pub casters: &'a [Option<Caster>],
-    pub start: Start<'a>,
+    pub start: Origin,
 }
 
 impl Tracer<'_> {
-    /// The beam that starts along `w`.
-    fn first(&self, w: Vec3) -> Beam {
-        Beam::new(self.start.origin(w), w)
-    }
-
     /// The end of the chain along `w`; `None` where there is no such chain.
-    fn follow(&self, w: Vec3, plan: Plan) -> Option<Beam> {
-        follow(self.scene, self.casters, self.first(w), plan)
+    pub fn follow(&self, w: Vec3, plan: Plan) -> Option<Beam> {
+        follow(self.scene, self.casters, self.start.beam(w), plan)
     }
 
     /// A plan for chains that start along `w`: mirrors reflect, and glass refracts but at the vertex `reflect`, if the chain has it. Of the
     /// possible lengths it takes that whose end points best to the target, or for small numbers `u` any.
     pub fn plan(&self, w: Vec3, target: Target, reflect: u32, longest: u32, u: f32) -> Option<Plan> {
-        let mut beam = self.first(w);
+        let mut beam = self.start.beam(w);
         let mut reflects = 0;
         let (mut best, mut least) = (None, f32::INFINITY);
         // Without the reflection that was asked for the chain would be one of another kind.
@@ -248,10 +259,9 @@ impl Tracer<'_> {
         }
     }
 
-    /// The share of light that the vertices of a chain and all that is on its way let through; the last edge ends at a distance.
-    pub fn value(&self, solution: &Solution, target: Target, rng: &mut HashRng) -> Option<Spectrum> {
+    /// The share of light that the vertices of a chain and all that is on its way let through; it starts in `media`.
+    pub fn value(&self, solution: &Solution, target: Target, mut media: MediumStack, rng: &mut HashRng) -> Option<Spectrum> {
         let scene = self.scene;
-        let mut media = self.start.media(scene, solution.w);
         let last = match target {
             Target::Point(p) => towards(solution.end.o, p),
             Target::Direction(d) => Ray::new(solution.end.o, d),
@@ -261,7 +271,7 @@ impl Tracer<'_> {
             return None;
         }
         let mut value = Spectrum::ONE;
-        let mut beam = self.first(solution.w);
+        let mut beam = self.start.beam(solution.w);
         for vertex in 0..solution.plan.vertices {
             let (s, caster) = met(self.scene, self.casters, Ray::new(beam.o, beam.d))?;
             if scene.has_null || scene.has_media {
@@ -307,7 +317,7 @@ fn met(scene: &Scene, casters: &[Option<Caster>], mut ray: Ray) -> Option<(Surfa
 }
 
 /// The end of the chain that begins with a beam; `None` where there is no such chain.
-pub(super) fn follow(scene: &Scene, casters: &[Option<Caster>], mut beam: Beam, plan: Plan) -> Option<Beam> {
+fn follow(scene: &Scene, casters: &[Option<Caster>], mut beam: Beam, plan: Plan) -> Option<Beam> {
     for vertex in 0..plan.vertices {
         let (s, caster) = met(scene, casters, Ray::new(beam.o, beam.d))?;
         beam = bounce(scene, &beam, &s, caster, plan.reflects(vertex))?;
