@@ -315,6 +315,7 @@ impl Path {
                     |light| caustics.found(scene, &path.trail, light),
                     out,
                 );
+                probe.met(&path.last, out);
                 return path.edges;
             };
             let wo = -path.ray.d;
@@ -323,6 +324,7 @@ impl Path {
             }
             if !(C::ON && s.light(scene).is_some_and(|light| caustics.found(scene, &path.trail, light))) {
                 add_emission(scene, &s, wo, path.throughput, &path.last, path.depth, out);
+                probe.met(&path.last, out);
             }
             scene.materials[s.material as usize].shade_into(scene, &s, wo, &mut scatter);
             if path.depth == 0 {

@@ -17,7 +17,7 @@
 use rayon::prelude::*;
 
 use super::guiding::Lesson;
-use super::{Estimate, Path, Stage};
+use super::{Estimate, Path, Stage, Vertex};
 use crate::math::hash::{mix32, mix64};
 use crate::math::{Vec2, Vec3};
 use crate::sampler::{Sampler, SamplerKind};
@@ -97,6 +97,16 @@ impl Probe {
         if let Some(found) = &mut self.found {
             let (throughput, light) = (throughput.luminance(), out.radiance.luminance());
             found.push(Found { cell: cell_of(scene, s, wo), throughput, light, edges });
+        }
+    }
+
+    /// The path has come to light on its way from a vertex.
+    #[inline]
+    pub fn met(&mut self, from: &Vertex, out: &Estimate) {
+        if let Some(lesson) = self.lessons.as_mut().and_then(|l| l.last_mut())
+            && from.pdf.is_finite()
+        {
+            lesson.met(out);
         }
     }
 

@@ -40,6 +40,8 @@ pub(in crate::integrator) struct Lesson {
     after: [f32; 2],
     /// Light found with the vertex's direct light.
     direct: f32,
+    /// The same with what the next edge meets of lights that shadow rays find as well.
+    straight: f32,
     at: Vec2,
     factor: f32,
     /// How many more guided paths come here than others would.
@@ -59,6 +61,7 @@ impl Lesson {
             before,
             after: before,
             direct: before[0],
+            straight: before[0],
             at: Vec2::ZERO,
             factor: 0.0,
             guided,
@@ -75,6 +78,18 @@ impl Lesson {
     #[inline]
     pub fn lit(&mut self, out: &Estimate) {
         self.direct = out.radiance.luminance();
+        self.straight = self.direct;
+    }
+
+    /// The path has met a light that a shadow ray may find.
+    #[inline]
+    pub fn met(&mut self, out: &Estimate) {
+        self.straight = out.radiance.luminance();
+    }
+
+    /// How much of the light that a path has found in all has come here by other surfaces.
+    pub fn indirect(&self, found: f32) -> f32 {
+        found - self.straight
     }
 
     /// It goes on, by a direction of a density per solid angle that is infinite for delta lobes.

@@ -58,8 +58,10 @@ const SHARE_GLOSSY: f32 = 0.25;
 /// Paths that will find less than this share of what the camera sees there end by roulette, and how likely they go on at least.
 const WORTH: f32 = 0.1;
 const LEAST_SURVIVAL: f32 = 0.2;
-/// Relative variance of a sample from which on it is tried whether guided paths have less.
+/// Relative variance of the indirect light of a sample from which on it is tried whether guided paths have less, and its share of that of
+/// all light: guides take nothing from the noise of direct light, and they cost more.
 const LEAST_NOISE: f64 = 3.0;
+const LEAST_SHARE: f64 = 0.5;
 /// Samples of each pixel of the first trials and of the last ones.
 const SAMPLES: [u32; 2] = [16, 48];
 /// What an edge of a guided path costs in edges of others.
@@ -104,13 +106,14 @@ impl Guide {
             return (guide, Some("path: guided".into()));
         }
         let unguided = Trial::new(&single, SAMPLES[0], scene, stage);
-        if unguided.noise(&[&unguided])[0] < LEAST_NOISE {
+        let [noise, _, indirect] = unguided.noise(&[&unguided]);
+        if indirect < LEAST_NOISE.max(LEAST_SHARE * noise) {
             return (None, None);
         }
         let gain = |guide: &Self, unguided: &Trial, samples: u32| {
             let guided = Trial::new(&Path { guide: Some(guide.clone()), ..single.clone() }, samples, scene, stage);
             let both = [unguided, &guided];
-            let ([of_unguided, _], [of_guided, without]) = (unguided.noise(&both), guided.noise(&both));
+            let ([of_unguided, ..], [of_guided, without, _]) = (unguided.noise(&both), guided.noise(&both));
             of_unguided.max(without) * unguided.edges / (of_guided * guided.edges * COST)
         };
         let says = |gain: f64| format!("{gain:.1} times less noise at equal cost in a pilot than paths that are not");

@@ -23,6 +23,8 @@ pub(super) struct Trial {
     /// Mean and variance of a sample of each pixel.
     mean: Vec<f64>,
     variance: Vec<f64>,
+    /// Variance of what comes by way of other surfaces to the first that can be guided: guides take no other noise.
+    indirect: Vec<f64>,
     /// By how much it would be larger if the paths were not guided, as far as their direct light tells: what others find too rarely to be seen in
     /// a trial shows in those that go there often.
     saved: Vec<f64>,
@@ -35,11 +37,11 @@ impl Trial {
     pub fn new(path: &Path, samples: u32, scene: &Scene, stage: &Stage) -> Self {
         let size = stage.size.map(|n| (n as usize / COARSER).clamp(GRID[0], GRID[1]));
         let sampler = Sampler { kind: SamplerKind::Independent, seed: mix64(stage.seed ^ SEED ^ u64::from(samples)), spp: 1 };
-        let pixels: Vec<[f64; 4]> = (0..size[0] * size[1])
+        let pixels: Vec<[f64; 6]> = (0..size[0] * size[1])
             .into_par_iter()
             .map(|i| {
                 let pixel = [i % size[0], i / size[0]];
-                let (mut sum, mut estimate) = ([0.0; 4], Estimate::default());
+                let (mut sum, mut estimate) = ([0.0; 6], Estimate::default());
                 let mut lessons = Vec::new();
                 for index in 0..samples {
                     if (stage.is_cancelled)() {
@@ -56,8 +58,13 @@ impl Trial {
                     let light = f64::from(estimate.radiance.luminance());
                     let light = if light.is_finite() { light } else { 0.0 };
                     lessons = probe.lessons.unwrap_or_default();
+                    let indirect = lessons.first().map_or(0.0, |l| f64::from(l.indirect(estimate.radiance.luminance())));
+                    let indirect = if indirect.is_finite() { indirect } else { 0.0 };
                     let rarer: f64 = lessons.drain(..).map(|l| f64::from(l.rarer())).filter(|v| v.is_finite()).sum();
-                    sum = [sum[0] + light, sum[1] + light * light, sum[2] + f64::from(probe.edges), sum[3] + rarer];
+                    let of_path = [light, light * light, f64::from(probe.edges), rarer, indirect, indirect * indirect];
+                    for (sum, v) in sum.iter_mut().zip(of_path) {
+                        *sum += v;
+                    }
                 }
                 sum.map(|v| v / f64::from(samples))
             })
@@ -67,13 +74,15 @@ impl Trial {
             size,
             mean: pixels.iter().map(|p| p[0]).collect(),
             variance: pixels.iter().map(|p| (p[1] - p[0] * p[0]).max(0.0) * unbiased).collect(),
+            indirect: pixels.iter().map(|p| (p[5] - p[4] * p[4]).max(0.0) * unbiased).collect(),
             saved: pixels.iter().map(|p| p[3]).collect(),
             edges: pixels.iter().map(|p| p[2]).sum::<f64>() / pixels.len() as f64,
         }
     }
 
-    /// The variance of a sample, relative to what these trials see around each pixel, and how large it would be without a guide.
-    pub fn noise(&self, trials: &[&Self]) -> [f64; 2] {
+    /// The variance of a sample, relative to what these trials see around each pixel, how large it would be without a guide, and that of
+    /// indirect light alone.
+    pub fn noise(&self, trials: &[&Self]) -> [f64; 3] {
         let columns = self.size[0].div_ceil(BLOCK);
         let block = |i: usize| i / self.size[0] / BLOCK * columns + i % self.size[0] / BLOCK;
         let mut sums = vec![[0.0; 2]; columns * self.size[1].div_ceil(BLOCK)];
@@ -93,6 +102,6 @@ impl Trial {
             values.iter().enumerate().map(relative).sum::<f64>() / values.len() as f64
         };
         let noise = mean(&self.variance);
-        [noise, noise + mean(&self.saved).max(0.0)]
+        [noise, noise + mean(&self.saved).max(0.0), mean(&self.indirect)]
     }
 }
