@@ -62,7 +62,8 @@ const LEAST_SURVIVAL: f32 = 0.2;
 /// all light: guides take nothing from the noise of direct light, and they cost more.
 const LEAST_NOISE: f64 = 3.0;
 const LEAST_SHARE: f64 = 0.5;
-/// Samples of each pixel of the first trials and of the last ones.
+/// Samples of each pixel that tell what makes the noise, and of the first and the last trials of guided paths.
+const LOOK: u32 = 6;
 const SAMPLES: [u32; 2] = [16, 48];
 /// What an edge of a guided path costs in edges of others.
 pub(super) const COST: f64 = 1.35;
@@ -105,8 +106,8 @@ impl Guide {
             let guide = learner.learn(ROUNDS, scene, stage);
             return (guide, Some("path: guided".into()));
         }
-        let unguided = Trial::new(&single, SAMPLES[0], scene, stage);
-        let [noise, _, indirect] = unguided.noise(&[&unguided]);
+        let look = Trial::new(&single, LOOK, scene, stage);
+        let [noise, _, indirect] = look.noise(&[&look]);
         if indirect < LEAST_NOISE.max(LEAST_SHARE * noise) {
             return (None, None);
         }
@@ -120,7 +121,7 @@ impl Guide {
         let no = |gain: f64| (None, Some(format!("path: not guided, as guided paths have {}", says(gain))));
         // A part of what there is to learn shows whether the rest is worth its time.
         let Some(first) = learner.learn(ROUNDS - 1, scene, stage) else { return (None, None) };
-        let promise = gain(&first, &unguided, SAMPLES[0]);
+        let promise = gain(&first, &Trial::new(&single, SAMPLES[0], scene, stage), SAMPLES[0]);
         if promise < LEAST_PROMISE {
             return no(promise);
         }
