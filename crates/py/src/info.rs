@@ -43,6 +43,7 @@ fn projection(projection: &ProjectionDesc) -> &'static str {
         ProjectionDesc::Perspective { .. } => "perspective",
         ProjectionDesc::Orthographic { .. } => "orthographic",
         ProjectionDesc::Panoramic => "panoramic",
+        ProjectionDesc::Objective(_) => "objective",
     }
 }
 

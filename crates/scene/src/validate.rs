@@ -369,8 +369,8 @@ impl Checker<'_> {
             if !(camera.near >= 0.0 && camera.far > camera.near) {
                 self.report.error(span, "a camera's far plane must lie beyond its near plane");
             }
-            match camera.projection {
-                ProjectionDesc::Perspective { fov_rad, aperture_radius, focus_distance, .. } => {
+            match &camera.projection {
+                &ProjectionDesc::Perspective { fov_rad, aperture_radius, focus_distance, .. } => {
                     if !(fov_rad > 0.0 && fov_rad < std::f32::consts::PI) {
                         self.report.error(span, "a field of view must lie between 0 and 180 degrees");
                     }
@@ -378,12 +378,17 @@ impl Checker<'_> {
                         self.report.error(span, "a lens needs a radius and a focus distance that are positive");
                     }
                 }
-                ProjectionDesc::Orthographic { half_width, half_height } => {
+                &ProjectionDesc::Orthographic { half_width, half_height } => {
                     if !(half_width > 0.0 && half_height.is_none_or(|h| h > 0.0)) {
                         self.report.error(span, "an orthographic camera's region must not be empty");
                     }
                 }
                 ProjectionDesc::Panoramic => {}
+                ProjectionDesc::Objective(objective) => {
+                    if let Err(message) = objective.film_distance() {
+                        self.report.error(span, message);
+                    }
+                }
             }
         }
     }

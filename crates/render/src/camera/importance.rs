@@ -37,6 +37,20 @@ impl Camera {
         self.size[0] as f32 * self.size[1] as f32
     }
 
+    /// Whether it can be said where a point is seen: objectives would have to be searched for the way.
+    ///
+    /// # Errors
+    /// What to use instead.
+    pub fn check_connections(&self) -> Result<(), String> {
+        match self.projection {
+            Projection::Objective(_) | Projection::Blind => {
+                Err("paths from lights cannot be joined to a camera with an objective; path, mnee, pathmap, sppm and photon see through it"
+                    .to_owned())
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// How the point `p` is seen through the lens at `u_lens`, if it appears in the picture or up to `margin` pixels outside of it;
     /// `u` in [0, 1) chooses one of several places at the borders of a panorama.
     pub fn connect(&self, p: Vec3, u_lens: Vec2, margin: f32, u: f32) -> Option<CameraConnection> {
@@ -53,6 +67,7 @@ impl Camera {
                 Vec2::new(at.x, at.y) / f
             }
             Projection::Orthographic => Vec2::new(c.x, c.y),
+            Projection::Objective(_) | Projection::Blind => return None,
             Projection::Panoramic => {
                 let d = c.normalize_or_zero();
                 let theta = fns::atan2((d.x * d.x + d.z * d.z).sqrt(), d.y);
@@ -78,6 +93,9 @@ impl Camera {
 
     /// Square pixels per area across the ray at a distance along the unit direction `d` from the camera.
     pub fn per_area(&self, d: Vec3, dist: f32) -> f32 {
+        if matches!(self.projection, Projection::Objective(_) | Projection::Blind) {
+            return 0.0;
+        }
         let cell = (self.step.x * self.step.y).abs();
         if let Projection::Orthographic = self.projection {
             let (x, y) = (self.world_from_camera.x_axis.truncate(), self.world_from_camera.y_axis.truncate());

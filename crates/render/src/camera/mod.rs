@@ -3,10 +3,14 @@
 //! Camera space: +x right, +y up, looking along −z. Picture space: pixels, (0, 0) the upper left corner.
 
 mod importance;
+mod objective;
 
 pub use importance::CameraConnection;
 
+use std::sync::Arc;
+
 use etendue_scene::desc::{CameraDesc, FovAxis, ProjectionDesc};
+use objective::Objective;
 
 use crate::accel::Ray;
 use crate::math::{Mat3, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
@@ -17,7 +21,8 @@ use crate::raster::{Pose, View};
 pub struct CameraRay {
     /// The ray; its direction is unit.
     pub ray: Ray,
-    /// What the pixel's radiance is multiplied by: 1 for all present cameras.
+    /// What the radiance is multiplied by: 1 but for objectives, whose pictures show the irradiance of their film. 0: nothing is seen, as a
+    /// ray of the film does not come through.
     pub weight: f32,
     /// The point of the picture, in pixels from the upper left corner.
     pub picture: Vec2,
@@ -46,6 +51,10 @@ enum Projection {
     /// The same on the plane z = 0.
     Orthographic,
     Panoramic,
+    /// The point of the picture is on the film, of which half has the edges 1.
+    Objective(Arc<Objective>),
+    /// Sees nothing.
+    Blind,
 }
 
 /// A camera ready to make rays for a picture of a given size.
@@ -68,8 +77,8 @@ impl Camera {
     /// Prepares a camera for a picture of `width` × `height` pixels.
     pub fn new(desc: &CameraDesc, width: u32, height: u32) -> Self {
         let (w, h) = (width.max(1) as f32, height.max(1) as f32);
-        let (projection, half, offset) = match desc.projection {
-            ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset } => {
+        let (projection, half, offset) = match &desc.projection {
+            &ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset } => {
                 let t = fns::tan(0.5 * fov_rad);
                 let half_width = match fov_axis {
                     FovAxis::X => t,
@@ -81,18 +90,24 @@ impl Camera {
                 let half = Vec2::new(half_width, half_width * h / w);
                 (Projection::Perspective { aperture_radius, focus_distance }, half, Vec2::from(principal_point_offset))
             }
-            ProjectionDesc::Orthographic { half_width, half_height } => {
+            &ProjectionDesc::Orthographic { half_width, half_height } => {
                 (Projection::Orthographic, Vec2::new(half_width, half_height.unwrap_or(half_width * h / w)), Vec2::ZERO)
             }
             ProjectionDesc::Panoramic => (Projection::Panoramic, Vec2::ONE, Vec2::ZERO),
+            ProjectionDesc::Objective(o) => {
+                let objective = Objective::new(o, w / h).map_or(Projection::Blind, |o| Projection::Objective(o.into()));
+                (objective, Vec2::ONE, Vec2::ZERO)
+            }
         };
         let step = Vec2::new(2.0 * half.x / w, -2.0 * half.y / h);
         // The offset moves the optical axis within the picture, so the picture's plane moves the other way.
         let corner = Vec2::new(-half.x, half.y) - Vec2::new(offset.x * w * step.x, offset.y * h * step.y);
-        let spread_rad = match projection {
+        let spread_rad = match &projection {
             Projection::Perspective { .. } => fns::atan(step.y.abs()),
             Projection::Orthographic => 0.0,
             Projection::Panoramic => PI / h,
+            Projection::Objective(o) => fns::atan(2.0 * o.film().y / h / o.distance),
+            Projection::Blind => 0.0,
         };
         let camera_from_world = desc.world_from_camera.inverse();
         Self {
@@ -117,8 +132,9 @@ impl Camera {
     /// The ray through a point of the picture (in pixels) and of the lens (`u_lens` in [0, 1)²).
     pub fn ray(&self, picture: Vec2, u_lens: Vec2) -> CameraRay {
         let q = self.corner + picture * self.step;
-        let (o, d) = match self.projection {
-            Projection::Perspective { aperture_radius, focus_distance } => {
+        let mut weight = 1.0;
+        let (o, d) = match &self.projection {
+            &Projection::Perspective { aperture_radius, focus_distance } => {
                 let d = Vec3::new(q.x, q.y, -1.0);
                 if aperture_radius > 0.0 {
                     let o = self.lens(aperture_radius, u_lens);
@@ -134,6 +150,15 @@ impl Camera {
                 let (sin_theta, cos_theta) = fns::sin_cos(0.5 * PI * (1.0 - q.y));
                 (Vec3::ZERO, Vec3::new(sin_theta * sin_phi, cos_theta, -sin_theta * cos_phi))
             }
+            Projection::Objective(objective) => {
+                let passed = objective.ray(q, u_lens);
+                weight = passed.map_or(0.0, |p| p.weight);
+                passed.map_or((Vec3::ZERO, Vec3::NEG_Z), |p| (p.o, p.d))
+            }
+            Projection::Blind => {
+                weight = 0.0;
+                (Vec3::ZERO, Vec3::NEG_Z)
+            }
         };
         // Near and far are depths along the axis for flat projections, distances all round.
         let forward = d.normalize();
@@ -144,7 +169,7 @@ impl Camera {
         let stretch = d_world.length();
         let t_max = if self.far.is_finite() { scale(self.far) * stretch } else { f32::INFINITY };
         let ray = Ray { o: o_world, d: d_world / stretch, t_min: scale(self.near) * stretch, t_max };
-        CameraRay { ray, weight: 1.0, picture, u_lens, spread_rad: self.spread_rad }
+        CameraRay { ray, weight, picture, u_lens, spread_rad: self.spread_rad }
     }
 }
 
@@ -171,7 +196,7 @@ impl Camera {
         match self.projection {
             Projection::Perspective { .. } => Some(View::perspective(pose, window, size, near, far)),
             Projection::Orthographic => Some(View::orthographic(pose, window, size, near.max(0.0), far)),
-            Projection::Panoramic => None,
+            Projection::Panoramic | Projection::Objective(_) | Projection::Blind => None,
         }
     }
 

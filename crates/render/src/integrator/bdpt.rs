@@ -31,7 +31,7 @@ impl Integrator for Bdpt {
     }
 
     fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
-        self.shared.prepare(scene);
+        self.shared.prepare(scene)?;
         Ok(())
     }
 

@@ -34,6 +34,7 @@ impl Integrator for LightTracer {
     }
 
     fn prepare(&mut self, scene: &Scene, _stage: &Stage) -> Result<(), String> {
+        scene.camera.check_connections()?;
         // Every path is made in one way only, so that it has no weight.
         self.shared.techniques = Techniques::ONLY_TO_CAMERA;
         self.shared.emission = Some(EmissionSampler::with_media(scene).map_err(|e| format!("`light`: {e}"))?);

@@ -229,7 +229,7 @@ impl Integrator for Mlt {
 
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         (self.seed, self.size) = (stage.seed, stage.size);
-        self.shared.prepare(scene);
+        self.shared.prepare(scene)?;
         Ok(())
     }
 

@@ -189,6 +189,9 @@ impl Path {
         out: &mut Estimate,
         probe: &mut Probe,
     ) {
+        if camera_ray.weight == 0.0 {
+            return;
+        }
         let trace = if scene.has_media { Self::trace::<true, C> } else { Self::trace::<false, C> };
         trace(self, scene, camera_ray, caustics, stream, out, probe);
     }

@@ -61,7 +61,7 @@ impl Integrator for Vcm {
         if !(self.radius > 0.0 && self.radius.is_finite()) {
             return Err(format!("vcm cannot merge within a radius of {}", self.radius));
         }
-        self.shared.prepare(scene);
+        self.shared.prepare(scene)?;
         Ok(())
     }
 

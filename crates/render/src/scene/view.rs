@@ -87,7 +87,8 @@ fn move_camera(camera: &mut CameraDesc, view: &View) -> Result<(), String> {
             *half_width /= zoom;
             *half_height = half_height.map(|h| h / zoom);
         }
-        ProjectionDesc::Panoramic => {}
+        // An objective has the focal length that its lenses give it.
+        ProjectionDesc::Panoramic | ProjectionDesc::Objective(_) => {}
     }
     Ok(())
 }

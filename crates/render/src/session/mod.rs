@@ -471,6 +471,11 @@ impl Session {
         let lens = if self.needs_lens { stream.next_2d() } else { stream.skip_2d() };
         let camera_ray = if self.needs_camera { self.scene.camera_ray(picture, lens) } else { CameraRay::without_ray(picture, lens) };
         estimate.reset(self.scene.group_names.len());
+        if camera_ray.weight == 0.0 {
+            // What does not come through an objective is dark, and not seen through.
+            estimate.alpha = 1.0;
+            return;
+        }
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
 }

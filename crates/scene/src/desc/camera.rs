@@ -3,7 +3,7 @@
 use glam::Mat4;
 use serde::{Deserialize, Serialize};
 
-use super::MediumId;
+use super::{MediumId, ObjectiveDesc};
 
 /// Along which edge of the picture a field of view is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -47,6 +47,27 @@ pub enum ProjectionDesc {
     },
     /// All directions in latitude and longitude; the middle of the picture looks along −z.
     Panoramic,
+    /// Through the lenses of an objective; the film is in the origin. What a pixel shows is the irradiance of the film.
+    Objective(ObjectiveDesc),
+}
+
+impl ProjectionDesc {
+    /// The thin lens that comes nearest, for formats without objectives; others as they are.
+    #[must_use]
+    pub fn without_objective(&self) -> Self {
+        let Self::Objective(objective) = self else { return self.clone() };
+        let thick = objective.thick_lens();
+        let (focal_length, beyond) = thick.map_or((1.0, 0.0), |t| (t.focal_length as f32, t.principal[1] as f32));
+        let behind = objective.film_distance().map_or(focal_length, |d| d as f32 + beyond);
+        let opening = objective.interfaces.iter().map(|i| i.aperture_radius).fold(f32::INFINITY, f32::min);
+        Self::Perspective {
+            fov_rad: 2.0 * etendue_procedural::fns::atan(f64::from(0.5 * objective.film_diagonal / behind)) as f32,
+            fov_axis: FovAxis::Diagonal,
+            aperture_radius: if opening.is_finite() { opening } else { 0.0 },
+            focus_distance: (objective.focus_distance - behind).max(focal_length),
+            principal_point_offset: [0.0; 2],
+        }
+    }
 }
 
 /// A camera. Its own space: +x right, +y up, looking along −z.

@@ -97,6 +97,14 @@ impl Sidecar {
 }
 
 impl Sidecar {
+    /// The name of a file of text.
+    ///
+    /// # Errors
+    /// An I/O error that names the file.
+    pub fn text(&mut self, name: &str, text: &str) -> io::Result<String> {
+        self.put(name, text.as_bytes())
+    }
+
     /// The name of a volume's `.vol` file.
     ///
     /// # Errors

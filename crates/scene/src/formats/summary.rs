@@ -129,11 +129,12 @@ impl Summary {
             TextureDesc::Power { .. } => "power",
         }));
         let cameras = desc.cameras.iter().enumerate().map(|(i, c)| {
-            let kind = match c.value.projection {
-                ProjectionDesc::Perspective { aperture_radius, .. } if aperture_radius > 0.0 => "thin lens",
+            let kind = match &c.value.projection {
+                ProjectionDesc::Perspective { aperture_radius, .. } if *aperture_radius > 0.0 => "thin lens",
                 ProjectionDesc::Perspective { .. } => "perspective",
                 ProjectionDesc::Orthographic { .. } => "orthographic",
                 ProjectionDesc::Panoramic => "panoramic",
+                ProjectionDesc::Objective(_) => "objective",
             };
             if c.name.is_empty() { format!("{i} ({kind})") } else { format!("{} ({kind})", c.name) }
         });

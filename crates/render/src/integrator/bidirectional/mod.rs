@@ -78,8 +78,13 @@ impl Bidirectional {
     }
 
     /// Prepares the choice of lights.
-    pub fn prepare(&mut self, scene: &Scene) {
+    ///
+    /// # Errors
+    /// Where paths cannot be joined to the camera.
+    pub fn prepare(&mut self, scene: &Scene) -> Result<(), String> {
+        scene.camera.check_connections()?;
         self.emission = Some(EmissionSampler::new(scene));
+        Ok(())
     }
 
     /// One sample by all connections, and by merging with kept walks where there are some.

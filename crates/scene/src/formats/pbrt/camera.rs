@@ -5,7 +5,9 @@ use glam::{DMat4, DVec3};
 use super::Reader;
 use super::angles::{atan, tan};
 use super::params::Params;
-use crate::desc::{AddNode, CameraDesc, FilterDesc, FovAxis, IntegratorDesc, Node, ProjectionDesc};
+use crate::desc::{
+    AddNode, CameraDesc, FilterDesc, FovAxis, IntegratorDesc, LensInterface, MOST_INTERFACES, Node, ObjectiveDesc, ProjectionDesc,
+};
 use crate::span::Span;
 
 impl Reader {
@@ -73,17 +75,8 @@ impl Reader {
                 ProjectionDesc::Panoramic
             }
             "realistic" => {
-                let diameter = p.float("aperturediameter", 1.0, r) * 1e-3;
-                let focus = p.float("focusdistance", 10.0, r);
-                p.ignore(&["lensfile", "aperture"]);
-                r.loss(p.span, "Camera \"realistic\"", "a thin lens of the same aperture with a field of view of 40 degrees");
-                ProjectionDesc::Perspective {
-                    fov_rad: 40f32.to_radians(),
-                    fov_axis: FovAxis::Diagonal,
-                    aperture_radius: 0.5 * diameter.max(0.0),
-                    focus_distance: focus.max(1e-3),
-                    principal_point_offset: [0.0; 2],
-                }
+                let Some(objective) = self.objective(p) else { return };
+                ProjectionDesc::Objective(objective)
             }
             _ => {
                 r.error(p.span, format!("no camera `{name}`; there are perspective, orthographic, spherical, realistic"));
@@ -103,6 +96,46 @@ impl Reader {
         let world_from_camera = (world_from_pbrt * turn).as_mat4();
         let medium = self.state.exterior;
         self.desc.add(Node::named(name, p.span, CameraDesc { world_from_camera, projection, near: 0.0, far: f32::INFINITY, medium }));
+    }
+
+    /// The lenses of a realistic camera: lines of the radius of curvature, the distance to the next surface, the index behind and the
+    /// diameter of the opening, in millimeters. The stop is flat, and is open as far as the camera says.
+    fn objective(&mut self, p: &Params) -> Option<ObjectiveDesc> {
+        let r = &mut self.desc.report;
+        let focus_distance = p.float("focusdistance", 10.0, r);
+        let diameter = p.float("aperturediameter", 1.0, r);
+        if let Some(shape) = p.opt_text("aperture", r) {
+            r.loss(p.span, format!("aperture \"{shape}\""), "a circular stop");
+        }
+        let Some(name) = p.opt_text("lensfile", r).map(str::to_owned) else {
+            self.error(p.span, "a realistic camera needs a `lensfile`");
+            return None;
+        };
+        let numbers = self.numbers_of_file(&name, p.span)?;
+        if numbers.len() % 4 != 0 || numbers.len() > 4 * MOST_INTERFACES {
+            let message = format!("{name}: {} numbers, not four for each of at most {MOST_INTERFACES} surfaces of a lens", numbers.len());
+            self.error(p.span, message);
+            return None;
+        }
+        let mut interfaces = Vec::with_capacity(numbers.len() / 4);
+        for row in numbers.chunks_exact(4) {
+            let [curvature, thickness, ior, mut opening] = std::array::from_fn(|i| row[i] as f32);
+            if curvature == 0.0 {
+                if diameter > opening {
+                    let message = format!("`aperturediameter` {diameter} is more than the stop's {opening} mm, which is used");
+                    self.desc.report.warning(p.span, message);
+                } else {
+                    opening = diameter;
+                }
+            }
+            interfaces.push(LensInterface {
+                curvature_radius: curvature * 1e-3,
+                thickness: thickness * 1e-3,
+                ior: if ior == 0.0 { 1.0 } else { ior },
+                aperture_radius: 0.5e-3 * opening,
+            });
+        }
+        Some(ObjectiveDesc { interfaces, film_diagonal: self.film_diagonal, focus_distance })
     }
 
     /// The camera of a file without one: perspective, 90 degrees, at the origin.
@@ -128,7 +161,19 @@ impl Reader {
         let (w, h) = (edge("xresolution", 1280), edge("yresolution", 720));
         let window = p.floats("cropwindow", r).to_vec();
         let bounds = p.floats("pixelbounds", r).to_vec();
-        p.ignore(&["filename", "savefp16", "diagonal", "maxcomponentvalue", "coordinatesystem", "nbuckets", "lambdamin", "lambdamax"]);
+        p.ignore(&["filename", "savefp16", "maxcomponentvalue", "coordinatesystem", "nbuckets", "lambdamin", "lambdamax"]);
+        let diagonal = p.float("diagonal", 35.0, r);
+        if diagonal > 0.0 && diagonal.is_finite() {
+            self.film_diagonal = diagonal * 1e-3;
+        } else {
+            r.error(p.span, "`diagonal` must be a positive number of millimeters");
+        }
+        for camera in &mut self.desc.cameras {
+            if let ProjectionDesc::Objective(objective) = &mut camera.value.projection {
+                objective.film_diagonal = self.film_diagonal;
+            }
+        }
+        let r = &mut self.desc.report;
         let iso = p.float("iso", 100.0, r);
         if let Some(sensor) = p.opt_text("sensor", r)
             && sensor != "cie1931"

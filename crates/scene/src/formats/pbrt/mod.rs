@@ -70,6 +70,8 @@ struct Reader {
     /// States saved by `AttributeBegin` and the like, with the directive that opened them.
     stack: Vec<(&'static str, Span, State)>,
     in_world: bool,
+    /// Of the film, in meters: what realistic cameras see.
+    film_diagonal: f32,
     materials: HashMap<String, BsdfId>,
     default_material: Option<BsdfId>,
     float_textures: HashMap<String, Scalar>,
@@ -96,6 +98,7 @@ impl Reader {
             state: State::default(),
             stack: Vec::new(),
             in_world: false,
+            film_diagonal: 0.035,
             materials: HashMap::new(),
             default_material: None,
             float_textures: HashMap::new(),

@@ -7,6 +7,7 @@ use super::params::{Parameter, Values};
 use crate::formats::Resolver;
 use crate::formats::spectrum::{Quantity, blackbody, rgb_from_list};
 use crate::ior;
+use crate::span::Span;
 
 /// Primaries of `rgb` parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,6 +103,31 @@ impl Reader {
         Some(rgb.as_vec3().to_array())
     }
 
+    /// The numbers of a text file, without its comments; `None`, with a fault, where it has something else.
+    pub(super) fn numbers_of_file(&mut self, name: &str, span: Span) -> Option<Vec<f64>> {
+        let path = self.resolve(name, span)?;
+        let bytes = match Resolver::read(&path) {
+            Ok(b) => b,
+            Err(e) => {
+                self.error(span, e.to_string());
+                return None;
+            }
+        };
+        let mut numbers = Vec::new();
+        for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
+            for word in line.split('#').next().unwrap_or("").split_ascii_whitespace() {
+                match word.parse::<f64>() {
+                    Ok(v) if v.is_finite() => numbers.push(v),
+                    _ => {
+                        self.error(span, format!("{name}:{}: `{word}` is no number", i + 1));
+                        return None;
+                    }
+                }
+            }
+        }
+        Some(numbers)
+    }
+
     fn named_spectrum(&mut self, name: &str, p: &Parameter, kind: SpectrumKind) -> Option<[f32; 3]> {
         if let Some(v) = known_spectrum(name) {
             return Some(v);
@@ -118,26 +144,7 @@ impl Reader {
             };
             return Some(color.as_vec3().to_array());
         }
-        let path = self.resolve(name, p.span)?;
-        let bytes = match Resolver::read(&path) {
-            Ok(b) => b,
-            Err(e) => {
-                self.error(p.span, e.to_string());
-                return None;
-            }
-        };
-        let mut numbers = Vec::new();
-        for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
-            for word in line.split('#').next().unwrap_or("").split_ascii_whitespace() {
-                match word.parse::<f64>() {
-                    Ok(v) if v.is_finite() => numbers.push(v),
-                    _ => {
-                        self.error(p.span, format!("{name}:{}: `{word}` is no number", i + 1));
-                        return None;
-                    }
-                }
-            }
-        }
+        let numbers = self.numbers_of_file(name, p.span)?;
         let mut list: Vec<(f64, f64)> = numbers.chunks_exact(2).map(|c| (c[0], c[1])).collect();
         if list.is_empty() || numbers.len() % 2 != 0 {
             self.error(p.span, format!("`{name}` holds no pairs of wavelength and value"));

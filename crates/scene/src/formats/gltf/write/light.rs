@@ -72,7 +72,11 @@ impl Writer<'_> {
         };
         for node in &self.desc.cameras {
             let camera = &node.value;
-            let mut lens: Value = match camera.projection {
+            let projection = camera.projection.without_objective();
+            if projection != camera.projection {
+                self.loss(node.span, "objective", "a perspective of its field of view");
+            }
+            let mut lens: Value = match projection {
                 ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, principal_point_offset, .. } => {
                     if aperture_radius > 0.0 {
                         self.loss(node.span, "depth of field", "written as a pinhole");
@@ -97,12 +101,12 @@ impl Writer<'_> {
                 ProjectionDesc::Orthographic { half_width, half_height } => {
                     json!({"xmag": half_width, "ymag": half_height.unwrap_or(half_width / aspect), "zfar": 1e6})
                 }
-                ProjectionDesc::Panoramic => {
+                ProjectionDesc::Panoramic | ProjectionDesc::Objective(_) => {
                     self.loss(node.span, "panoramic camera", "not written");
                     continue;
                 }
             };
-            let perspective = matches!(camera.projection, ProjectionDesc::Perspective { .. });
+            let perspective = matches!(projection, ProjectionDesc::Perspective { .. });
             lens["znear"] = json!(if perspective { camera.near.max(1e-6) } else { camera.near.max(0.0) });
             if camera.far.is_finite() && camera.far < f32::MAX {
                 lens["zfar"] = json!(camera.far);

@@ -53,7 +53,10 @@ impl Writer<'_> {
     fn camera(&mut self, node: &Node<CameraDesc>, id: &str) {
         let (span, camera) = (node.span, &node.value);
         let mut to_world = camera.world_from_camera * HALF_TURN;
-        match &camera.projection {
+        if matches!(camera.projection, ProjectionDesc::Objective(_)) {
+            self.lose(span, "objective", "a thin lens");
+        }
+        match &camera.projection.without_objective() {
             ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset: [x, y] } => {
                 let lens = *aperture_radius > 0.0;
                 self.xml.open("sensor", if lens { "thinlens" } else { "perspective" }, id);
@@ -84,7 +87,7 @@ impl Writer<'_> {
                 let scale_y = half_height.map_or(*half_width, |h| h * aspect);
                 to_world *= Mat4::from_scale(Vec3::new(*half_width, scale_y, 1.0));
             }
-            ProjectionDesc::Panoramic => {
+            ProjectionDesc::Panoramic | ProjectionDesc::Objective(_) => {
                 self.lose(span, "panoramic camera", "sensor \"spherical\" of Mitsuba 0.6");
                 self.xml.open("sensor", "spherical", id);
             }

@@ -22,7 +22,7 @@ use crate::span::Span;
 /// An I/O error that names the file.
 pub fn write(desc: &SceneDesc, path: &Path) -> io::Result<Report> {
     let mut writer = Writer { desc, text: String::new(), report: Report::default(), files: Sidecar::new(desc, path), tessellated: 0 };
-    writer.settings();
+    writer.settings()?;
     writer.line("WorldBegin");
     for i in 0..desc.textures.len() {
         writer.texture(i)?;

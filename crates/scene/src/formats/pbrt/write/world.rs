@@ -8,14 +8,14 @@ use glam::{Mat4, Vec3};
 use super::super::angles::{atan, tan};
 use super::Writer;
 use crate::desc::{
-    BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MeshId, Node, Param, ProjectionDesc, Scalar,
-    ShapeDesc, SpotFalloff,
+    BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MeshId, Node, ObjectiveDesc, Param,
+    ProjectionDesc, Scalar, ShapeDesc, SpotFalloff,
 };
 use crate::formats::tessellate::tessellate;
 
 impl Writer<'_> {
     /// Everything before `WorldBegin`.
-    pub(super) fn settings(&mut self) {
+    pub(super) fn settings(&mut self) -> io::Result<()> {
         let film = &self.desc.film;
         let (w, h) = (film.width.unwrap_or(1280), film.height.unwrap_or(720));
         self.media();
@@ -27,12 +27,15 @@ impl Writer<'_> {
             if let Some(medium) = camera.value.medium {
                 self.line(&format!("MediumInterface \"\" \"v{}\"", medium.0));
             }
-            self.camera(camera, w as f32, h as f32);
+            self.camera(camera, w as f32, h as f32)?;
             if camera.value.medium.is_some() {
                 self.line("MediumInterface \"\" \"\"");
             }
         }
         let _ = write!(self.text, "Film \"rgb\" \"integer xresolution\" {w} \"integer yresolution\" {h} \"bool savefp16\" false");
+        if let Some(ProjectionDesc::Objective(objective)) = self.desc.cameras.first().map(|c| &c.value.projection) {
+            self.float("diagonal", objective.film_diagonal * 1e3);
+        }
         if let Some([x0, y0, x1, y1]) = film.crop {
             let _ = write!(self.text, " \"integer pixelbounds\" [{x0} {x1} {y0} {y1}]");
         }
@@ -53,9 +56,10 @@ impl Writer<'_> {
             "ao" => self.line("Integrator \"ambientocclusion\""),
             _ => self.line(&format!("Integrator \"volpath\" \"integer maxdepth\" {depth}")),
         }
+        Ok(())
     }
 
-    fn camera(&mut self, node: &Node<CameraDesc>, w: f32, h: f32) {
+    fn camera(&mut self, node: &Node<CameraDesc>, w: f32, h: f32) -> io::Result<()> {
         let camera = &node.value;
         let panoramic = matches!(camera.projection, ProjectionDesc::Panoramic);
         let turn = if panoramic {
@@ -95,8 +99,28 @@ impl Writer<'_> {
                 let _ = write!(self.text, "\"orthographic\" \"float screenwindow\" [{} {half_width} {} {y}]", -half_width, -y);
             }
             ProjectionDesc::Panoramic => self.text.push_str("\"spherical\" \"string mapping\" \"equirectangular\""),
+            ProjectionDesc::Objective(objective) => self.objective(objective)?,
         }
         self.text.push('\n');
+        Ok(())
+    }
+
+    /// A realistic camera, with its lenses in a file of millimeters.
+    fn objective(&mut self, objective: &ObjectiveDesc) -> io::Result<()> {
+        let mut table = String::from("# radius of curvature, thickness, index, diameter of the opening\n");
+        for i in &objective.interfaces {
+            let [radius, thickness, opening] = [i.curvature_radius, i.thickness, 2.0 * i.aperture_radius].map(|v| v * 1e3);
+            // An index of 0 marks the stop, which is open as far as the camera says.
+            let ior = if i.curvature_radius == 0.0 { 0.0 } else { i.ior };
+            let _ = writeln!(table, "{radius} {thickness} {ior} {opening}");
+        }
+        let name = self.files.text("objective.dat", &table)?;
+        self.text.push_str("\"realistic\"");
+        self.string("lensfile", &name);
+        self.float("focusdistance", objective.focus_distance);
+        let stop = objective.interfaces.iter().find(|i| i.curvature_radius == 0.0);
+        self.float("aperturediameter", stop.map_or(1.0, |i| 2e3 * i.aperture_radius));
+        Ok(())
     }
 
     /// Groups, the shapes of the world, and instances.
