@@ -53,7 +53,7 @@ impl Film {
     #[inline]
     pub(super) fn add_plain(&mut self, pixel: usize, values: &[f32]) {
         let values = match *values {
-            [r, g, b, a] if [r, g, b, a].iter().all(|v| f64::from(v.abs()) < LIMIT) => [r, g, b, a],
+            [r, g, b, a] if [r, g, b, a].iter().all(|v| v.abs() < LIMIT as f32) => [r, g, b, a],
             // The limit is a power of two, so nothing is lost.
             _ => std::array::from_fn(|i| {
                 let value = finite_or_zero(values.get(i).copied().unwrap_or(0.0), &mut self.counters);

@@ -170,7 +170,7 @@ impl Session {
     /// samples should be that of the further ones.
     pub fn set_antialias(&mut self, antialias: Antialias) {
         let spec = self.film.spec();
-        self.centers = Some(Centers::new(antialias, self.film.rect(), spec.width, spec.height));
+        self.centers = Some(Centers::new(antialias, spec.space, self.film.rect(), spec.width, spec.height));
     }
 
     /// Estimates no error, for sessions of which nothing but the picture is wanted; see [`Film::drop_squares`].
@@ -203,7 +203,7 @@ impl Session {
         self.film = film;
         self.first_sample = first_sample;
         if let Some(centers) = &self.centers {
-            self.centers = Some(Centers::new(centers.antialias(), rect, spec.width, spec.height));
+            self.centers = Some(Centers::new(centers.antialias(), spec.space, rect, spec.width, spec.height));
         }
         Ok(())
     }
@@ -427,16 +427,13 @@ impl Session {
         estimate: &Estimate,
         values: &mut Vec<f32>,
     ) {
-        let is_other = space != WorkingSpace::Linear && !estimate.is_own;
-        // Means are of numbers of the scene's space, as in POV-Ray (measured).
-        let own = |v: f32| if is_other { space.from_linear(f64::from(v)) as f32 } else { v };
+        let [r, g, b] = own_rgb(estimate, space);
         if self.aovs.is_empty() && estimate.groups.len() <= 1 {
-            let [r, g, b] = estimate.radiance.rgb().map(own);
             tile.add_sample(x, y, index, weight, &[r, g, b, estimate.alpha]);
             return;
         }
         channels::values(estimate, &self.aovs, values);
-        values.iter_mut().take(3).for_each(|v| *v = own(*v));
+        values.iter_mut().zip([r, g, b]).for_each(|(v, own)| *v = own);
         tile.add_sample(x, y, index, weight, values);
     }
 
@@ -482,6 +479,13 @@ impl Session {
         estimate.reset(self.scene.group_names.len());
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
+}
+
+/// The radiance in numbers of a space: means are of numbers of the scene's, as in POV-Ray (measured).
+#[inline]
+fn own_rgb(estimate: &Estimate, space: WorkingSpace) -> [f32; 3] {
+    let rgb = estimate.radiance.rgb();
+    if space == WorkingSpace::Linear || estimate.is_own { rgb } else { rgb.map(|v| space.from_linear(f64::from(v)) as f32) }
 }
 
 /// The camera sample that all pixels share: that of a pixel that no picture has.

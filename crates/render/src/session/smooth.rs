@@ -1,7 +1,7 @@
 //! Tiles of pictures whose edges alone are smoothed; see [`super::antialias`].
 
-use super::Session;
 use super::antialias::Centers;
+use super::{Session, own_rgb};
 use crate::film::{Film, Rect};
 use crate::integrator::Estimate;
 
@@ -17,12 +17,12 @@ impl Session {
             for x in rect.x0..rect.x1 {
                 if begin == 0 {
                     self.center(x, y, &mut estimate);
-                    centers.keep(x, y, estimate.radiance, estimate.space(space));
+                    centers.keep(x, y, own_rgb(&estimate, space));
                     self.add(tile, x, y, 0, 1.0, space, &estimate, &mut values);
                 }
                 let trace = |x, y| {
                     self.center(x, y, &mut neighbor);
-                    (neighbor.radiance, neighbor.space(space))
+                    own_rgb(&neighbor, space)
                 };
                 if further.is_empty() || !centers.differs(x, y, trace) {
                     continue;
