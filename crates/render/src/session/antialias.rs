@@ -270,7 +270,9 @@ mod tests {
                         assert_eq!(centers.is_far(&a, &b), measured > f64::from(threshold), "{space:?} {threshold}: {a:?} {b:?}");
                     }
                 }
-                assert!(quick > 1000 || space == WorkingSpace::Power(3.0) || threshold == 0.0, "{space:?} {threshold}: {quick}");
+                // Bounds of powers that are very steep next to 0 say little, and there are none for those that bend up.
+                let is_usual = !matches!(space, WorkingSpace::Power(g) if g == 1.0 || g == 3.0);
+                assert!(quick > 1500 || !is_usual || threshold != 0.3, "{space:?} {threshold}: {quick}");
             }
         }
     }
