@@ -169,8 +169,8 @@ fn split(x: f64) -> (i64, f64) {
     (i, if (0.0..1.0).contains(&d) { d } else { 0.0 })
 }
 
-/// [`split`] where both numbers are waited for: adding a large number leaves the integer in the last bits, which takes less time than to convert to an
-/// integer and back, but more instructions.
+/// [`split`] where both numbers are waited for: adding a large number leaves the integer in the last bits, which takes less time than to
+/// convert to an integer and back, but more instructions.
 #[inline]
 fn split_by_sum(x: f64) -> (i64, f64) {
     const ROUND: f64 = 1.5 * (1u64 << 52) as f64;

@@ -1,8 +1,8 @@
 //! Plain films: the four channels of a picture, nothing else, and every sample counts 1.
 //!
 //! Most pixels of a picture whose edges alone are smoothed have one sample. Such a pixel keeps its values as they came, and no sum or
-//! weight of it is touched, nor the memory that it would lie in, which the system then never has to provide. The picture is that of the general film: a
-//! pixel with a second sample has sums as there.
+//! weight of it is touched, nor the memory that it would lie in, which the system then never has to provide. The picture is that of the
+//! general film: a pixel with a second sample has sums as there.
 
 use super::{Film, LIMIT, SUM_BITS, finite_or_zero, fixed, limit, real};
 
