@@ -62,7 +62,7 @@ impl Lamp {
         }
         let d = location - p;
         let distance = d.length();
-        (d / distance.max(1e-300), distance)
+        (d * distance.max(1e-300).recip(), distance)
     }
 
     /// The color at a point for light from a place of the lamp: fading with distance and falloff from the axis.

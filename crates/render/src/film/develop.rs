@@ -26,9 +26,16 @@ impl Film {
         image.origin = [self.rect.x0 as i32, self.rect.y0 as i32];
         image.full_size = [self.spec().width, self.spec().height];
         let splats = DevelopedSplats::new(self);
-        let divisors: Vec<f64> = (0..self.counts.len()).map(|pixel| self.divisor(pixel)).collect();
+        let is_plain = self.is_plain();
+        // Plain films have no weights, and most of their pixels need no division.
+        let divisors: Vec<f64> = if is_plain { Vec::new() } else { (0..self.counts.len()).map(|pixel| self.divisor(pixel)).collect() };
         for (index, channel) in self.spec().channels.iter().enumerate() {
             let data = match self.layout.means.iter().position(|&c| c == index) {
+                Some(slot) if is_plain => {
+                    let space = if index < 3 { self.spec().space } else { WorkingSpace::Linear };
+                    let mean = |p: usize| self.plain_sum(p, slot) * self.divisor(p);
+                    (0..self.counts.len()).map(|p| space.linear(mean(p)) as f32).collect()
+                }
                 Some(slot) => {
                     let stride = self.layout.means.len();
                     let space = if index < 3 { self.spec().space } else { WorkingSpace::Linear };
@@ -43,7 +50,7 @@ impl Film {
                 None => {
                     let stride = self.layout.firsts.len();
                     let slot = self.layout.firsts.iter().position(|&c| c == index).unwrap_or(0);
-                    (0..divisors.len()).map(|p| self.first_values[p * stride + slot]).collect()
+                    (0..self.counts.len()).map(|p| self.first_values[p * stride + slot]).collect()
                 }
             };
             image.push(channel.name.clone(), data);
@@ -51,7 +58,7 @@ impl Film {
         if options.variance {
             for (slot, name) in ["variance.R", "variance.G", "variance.B"].into_iter().enumerate() {
                 let splat = |p: usize| splats.as_ref().map_or(0.0, |s| s.variance(p, slot));
-                image.push(name, (0..divisors.len()).map(|pixel| (self.pixel_variance(pixel, slot) + splat(pixel)) as f32).collect());
+                image.push(name, (0..self.counts.len()).map(|pixel| (self.pixel_variance(pixel, slot) + splat(pixel)) as f32).collect());
             }
         }
         if options.sample_count {
@@ -63,6 +70,9 @@ impl Film {
     /// One over what the sums of a pixel are divided by: the sum of weights. With filters that have negative parts
     /// it can come near zero or below for a pixel of few samples; then the count, its expectation, is used.
     fn divisor(&self, pixel: usize) -> f64 {
+        if let (true, &n) = (self.is_plain(), &self.counts[pixel]) {
+            return if n <= 1 { f64::from(n) } else { 1.0 / f64::from(n) };
+        }
         let count = f64::from(self.counts[pixel]);
         let weight = real(self.weights[pixel]);
         if count == 0.0 { 0.0 } else { 1.0 / if weight > 0.25 * count { weight } else { count } }
@@ -81,6 +91,9 @@ impl Film {
     }
 
     fn sum(&self, pixel: usize, slot: usize) -> f64 {
+        if self.is_plain() {
+            return self.plain_sum(pixel, slot);
+        }
         real(self.sums[pixel * self.layout.means.len() + slot])
     }
 

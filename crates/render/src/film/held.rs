@@ -109,18 +109,21 @@ impl Held {
         if new.rect.area() == 0 || new.begin >= new.end {
             return;
         }
-        self.entries.push(new);
+        // Sorted by rectangle, then range: what can be joined is side by side.
+        let at = self.entries.partition_point(|e| *e < new);
+        self.entries.insert(at, new);
         if new.rect != *full {
             // Parts are disjoint, so equal areas mean that the film is covered.
             let same = |e: &HeldSamples| e.begin == new.begin && e.end == new.end;
-            if self.entries.iter().filter(|e| same(e)).map(|e| e.rect.area()).sum::<u64>() == full.area() {
-                self.entries.retain(|e| !same(e));
-                self.entries.push(HeldSamples { rect: *full, ..new });
+            if self.entries.iter().filter(|e| same(e)).map(|e| e.rect.area()).sum::<u64>() != full.area() {
+                return;
             }
+            self.entries.retain(|e| !same(e));
+            let whole = HeldSamples { rect: *full, ..new };
+            let at = self.entries.partition_point(|e| *e < whole);
+            self.entries.insert(at, whole);
         }
-        // Sorted by rectangle, then range: what can be joined is side by side. Only passes over the whole film are
-        // joined, so that the entries do not depend on the order in which tiles come in.
-        self.entries.sort_unstable();
+        // Only passes over the whole film are joined, so that the entries do not depend on the order in which tiles come in.
         self.entries.dedup_by(|next, kept| {
             let follows = kept.rect == *full && next.rect == *full && kept.end == next.begin;
             if follows {

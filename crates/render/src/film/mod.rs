@@ -12,6 +12,7 @@ mod develop;
 pub mod file;
 pub mod filter;
 mod held;
+mod plain;
 mod spec;
 mod splat;
 
@@ -62,8 +63,10 @@ pub struct Film {
     sums: Vec<i128>,
     /// Σ (weight·value)² of R, G, B and the luminance; empty where they are not kept.
     squares: Vec<i128>,
-    /// Σ weight.
+    /// Σ weight; empty in plain films.
     weights: Vec<i128>,
+    /// Values of the pixels of plain films that have one sample; empty in others. See [`plain`].
+    singles: Vec<[f32; 4]>,
     /// Number of samples.
     counts: Vec<u32>,
     /// Lowest sample index so far (only with first channels).
@@ -99,13 +102,19 @@ impl Film {
     /// # Errors
     /// [`FilmError::Outside`].
     pub fn new_tile(&self, rect: Rect) -> Result<Self, FilmError> {
-        Self::with_layout(Arc::clone(&self.layout), rect, FilmMeta { render_ms: 0, ..self.meta.clone() }, self.has_squares())
+        let meta = FilmMeta { render_ms: 0, ..self.meta.clone() };
+        let mut tile = Self::with_layout(Arc::clone(&self.layout), rect, meta, self.has_squares())?;
+        if self.is_plain() {
+            tile.become_plain();
+        }
+        Ok(tile)
     }
 
     /// Keeps no sums of squares any more, which takes half of the memory and of the time of a sample: all variances are infinite, and
     /// the film cannot be written to a file. For films of which nothing but the picture is wanted.
     pub fn drop_squares(&mut self) {
         self.squares = Vec::new();
+        self.become_plain();
     }
 
     /// Whether sums of squares are kept: false after [`Film::drop_squares`].
@@ -122,7 +131,11 @@ impl Film {
         self.rect = rect;
         self.held = Held::default();
         self.counters = FilmCounters::default();
-        self.sums.fill(0);
+        if self.is_plain() {
+            self.empty_plain();
+        } else {
+            self.sums.fill(0);
+        }
         self.squares.fill(0);
         self.weights.fill(0);
         self.counts.fill(0);
@@ -152,6 +165,7 @@ impl Film {
             sums: vec![0; pixels * layout.means.len()],
             squares: if has_squares { vec![0; pixels * SQUARES] } else { Vec::new() },
             weights: vec![0; pixels],
+            singles: Vec::new(),
             counts: vec![0; pixels],
             first_indices: if firsts > 0 { vec![NO_INDEX; pixels] } else { Vec::new() },
             first_values: vec![0.0; pixels * firsts],
@@ -212,12 +226,6 @@ impl Film {
         self.counts.iter().copied().max().unwrap_or(0)
     }
 
-    /// The four channels of a picture and nothing else.
-    #[inline]
-    fn is_plain(&self) -> bool {
-        self.squares.is_empty() && self.layout.means.len() == 4 && self.layout.spec.channels.len() == 4
-    }
-
     #[inline]
     fn pixel(&self, x: u32, y: u32) -> usize {
         (y - self.rect.y0) as usize * self.rect.width() as usize + (x - self.rect.x0) as usize
@@ -232,17 +240,12 @@ impl Film {
             return;
         }
         let pixel = self.pixel(x, y);
-        if let (true, &[r, g, b, a]) = (weight == 1.0 && self.is_plain(), values)
-            && let Some(sums) = self.sums.get_mut(4 * pixel..4 * pixel + 4)
-            && [r, g, b, a].iter().all(|v| f64::from(v.abs()) < LIMIT)
-        {
-            // What is below, for the usual picture.
-            for (sum, value) in sums.iter_mut().zip([r, g, b, a]) {
-                *sum = sum.wrapping_add(fixed(f64::from(value), SUM_BITS));
+        if self.is_plain() {
+            if weight == 1.0 {
+                self.add_plain(pixel, values);
+                return;
             }
-            self.weights[pixel] = self.weights[pixel].wrapping_add(1 << SUM_BITS);
-            self.counts[pixel] = self.counts[pixel].wrapping_add(1);
-            return;
+            self.widen();
         }
         let counters = &mut self.counters;
         let weight = f64::from(finite_or_zero(weight, counters));
@@ -318,6 +321,23 @@ impl Film {
         for (key, value) in &other.meta.notes {
             self.meta.notes.entry(key.clone()).or_insert_with(|| value.clone());
         }
+        if self.is_plain() && other.is_plain() {
+            self.merge_plain(other);
+            return Ok(());
+        }
+        self.widen();
+        if other.is_plain() {
+            let mut wide = other.clone();
+            wide.widen();
+            self.merge_sums(&wide);
+        } else {
+            self.merge_sums(other);
+        }
+        Ok(())
+    }
+
+    /// [`Film::merge`] of what is summed, where neither film is plain.
+    fn merge_sums(&mut self, other: &Self) {
         self.merge_splats(&other.splats);
         let width = other.rect.width() as usize;
         let (means, firsts) = (self.layout.means.len(), self.layout.firsts.len());
@@ -344,7 +364,6 @@ impl Film {
                 }
             }
         }
-        Ok(())
     }
 
     /// The checks of [`Film::merge`] alone.

@@ -191,6 +191,46 @@ fn films_without_squares_have_the_same_picture() {
     assert!(matches!(other.merge(&bare), Err(FilmError::Mismatch { .. })), "a film that estimates its error takes none without");
 }
 
+/// A film that keeps single samples as they came has the picture and the counters of one that sums all, whatever the values are, in
+/// whichever order parts are merged, and where a sample with another weight ends that.
+#[test]
+fn plain_films_are_films() {
+    let value = |x: u32, index: u32, k: u32| match (x % 5, k) {
+        (1, 0) => 1e-30,
+        (2, 1) => f32::NAN,
+        (3, 2) => f32::MAX,
+        _ => unit_float(hash_words([u64::from(x), u64::from(index), u64::from(k)]) as u32) - 0.4,
+    };
+    for odd_weight in [1.0, 0.5] {
+        let make = |is_plain: bool, parts: &[(u32, u32)]| {
+            let mut film = Film::new(FilmSpec::new(10, 1)).unwrap();
+            if is_plain {
+                film.drop_squares();
+                assert!(film.is_plain());
+            }
+            for &(begin, end) in parts {
+                let mut tile = film.new_tile(film.rect()).unwrap();
+                // Columns from 5 on have their first sample only.
+                for (x, index) in (0..10).flat_map(|x| (begin..end).map(move |i| (x, i))).filter(|&(x, i)| i == 0 || x < 5) {
+                    let weight = if index == 2 { odd_weight } else { 1.0 };
+                    tile.add_sample(x, 0, index, weight, &[0, 1, 2, 3].map(|k| value(x, index, k)));
+                }
+                tile.mark_held(film.rect(), begin, end).unwrap();
+                film.merge(&tile).unwrap();
+            }
+            film
+        };
+        let whole = make(false, &[(0, 1), (1, 4)]);
+        let plain = make(true, &[(0, 1), (1, 4)]);
+        assert_eq!(plain.is_plain(), odd_weight == 1.0);
+        assert!(plain == make(true, &[(1, 4), (0, 1)]) && plain == make(true, &[(0, 4)]));
+        assert_eq!(whole.develop_with(DevelopOptions { sample_count: true, ..Default::default() }), {
+            plain.develop_with(DevelopOptions { sample_count: true, ..Default::default() })
+        });
+        assert_eq!(whole.counters().non_finite, plain.counters().non_finite);
+    }
+}
+
 #[test]
 fn numbers_of_sums_are_those_of_the_conversion() {
     for i in 0..100_000u64 {

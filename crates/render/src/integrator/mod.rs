@@ -64,7 +64,6 @@ use etendue_scene::RenderSettings;
 use etendue_scene::desc::IntegratorDesc;
 
 use crate::camera::CameraRay;
-use crate::classic::WorkingSpace;
 use crate::light::LightContext;
 use crate::math::{Vec2, Vec3};
 use crate::sampler::SampleStream;
@@ -145,11 +144,6 @@ impl Estimate {
         self.splats.clear();
         self.groups.clear();
         self.groups.resize(groups, Spectrum::ZERO);
-    }
-
-    /// The space of the radiance, for a scene's working space.
-    pub fn space(&self, own: WorkingSpace) -> WorkingSpace {
-        if self.is_own { own } else { WorkingSpace::Linear }
     }
 
     /// Adds radiance that a light of a group has sent.

@@ -88,6 +88,12 @@ impl SampleStream {
         self.index
     }
 
+    /// The numbers of another sample of the same pixel, from the start; what is the same for all of a pixel's samples is not made again.
+    #[inline]
+    pub fn of_sample(&self, index: u32) -> Self {
+        Self { index, reversed_index: index.reverse_bits(), dimension: 0, ..*self }
+    }
+
     /// The same sample's numbers from a dimension on: for parts of a sample that must not shift each other's numbers.
     #[inline]
     pub fn at(&self, dimension: u32) -> Self {

@@ -14,7 +14,6 @@ use etendue_procedural::fns;
 
 use crate::classic::WorkingSpace;
 use crate::film::Rect;
-use crate::spectrum::Spectrum;
 
 /// When a pixel gets more than one sample, and how many.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -35,9 +34,21 @@ impl Antialias {
 /// Not the bits of a finite number.
 const UNKNOWN: u32 = u32::MAX;
 
-/// The colors of pixel centers as they are compared.
+/// Sums of |a − b| of what is kept of two centers that answer without a power, for numbers of 0 to 1.
+#[derive(Clone, Copy, Debug)]
+struct Quick {
+    /// Up to this the centers are near each other.
+    near: f32,
+    /// Beyond this they are far apart.
+    far: f32,
+}
+
+/// The colors of pixel centers.
 pub(super) struct Centers {
     antialias: Antialias,
+    /// What the kept numbers are of.
+    space: WorkingSpace,
+    quick: Quick,
     /// The pixels that are rendered and those around them, within the picture.
     rect: Rect,
     /// Bits of three numbers; [`UNKNOWN`] until they are known. Threads that meet write the same numbers, so that no order matters.
@@ -45,12 +56,12 @@ pub(super) struct Centers {
 }
 
 impl Centers {
-    /// For the pixels of `crop` in a picture of a size. Takes 12 bytes a pixel.
-    pub(super) fn new(antialias: Antialias, crop: Rect, width: u32, height: u32) -> Self {
+    /// For the pixels of `crop` in a picture of a size, whose samples are numbers of a space. Takes 12 bytes a pixel.
+    pub(super) fn new(antialias: Antialias, space: WorkingSpace, crop: Rect, width: u32, height: u32) -> Self {
         let rect = Rect::new(crop.x0.saturating_sub(1), crop.y0.saturating_sub(1), (crop.x1 + 1).min(width), (crop.y1 + 1).min(height));
         let mut colors = Vec::new();
         colors.resize_with(rect.area() as usize, || [const { AtomicU32::new(UNKNOWN) }; 3]);
-        Self { antialias, rect, colors }
+        Self { antialias, space, quick: Quick::new(space, antialias.threshold), rect, colors }
     }
 
     /// The settings.
@@ -58,15 +69,15 @@ impl Centers {
         self.antialias
     }
 
-    /// Keeps the radiance of a center that has been traced, in numbers of a space.
-    pub(super) fn keep(&self, x: u32, y: u32, radiance: Spectrum, space: WorkingSpace) {
+    /// Keeps the color of a center that has been traced.
+    pub(super) fn keep(&self, x: u32, y: u32, color: [f32; 3]) {
         if let Some(slot) = self.slot(x, y) {
-            write(slot, compared(radiance, space));
+            write(slot, kept(color, self.space));
         }
     }
 
-    /// Whether a pixel needs the samples after its first; `trace` gives the radiance of a center and the space of its numbers.
-    pub(super) fn differs(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> (Spectrum, WorkingSpace)) -> bool {
+    /// Whether a pixel needs the samples after its first; `trace` gives the color of a center.
+    pub(super) fn differs(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> [f32; 3]) -> bool {
         if let Some(differs) = self.differs_from_known(x, y) {
             return differs;
         }
@@ -78,7 +89,17 @@ impl Centers {
         })
     }
 
+    #[inline]
     fn is_far(&self, a: &[f32; 3], b: &[f32; 3]) -> bool {
+        let sum = (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs();
+        let is_usual = a.iter().chain(b).all(|v| (0.0..=1.0).contains(v));
+        if is_usual && sum <= self.quick.near {
+            return false;
+        }
+        if is_usual && sum > self.quick.far {
+            return true;
+        }
+        let [a, b] = [a, b].map(|c| c.map(|v| measure(v, self.space) as f32));
         let difference = (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs();
         difference > self.antialias.threshold
     }
@@ -114,14 +135,13 @@ impl Centers {
     }
 
     /// `None` beyond the picture.
-    fn color(&self, x: u32, y: u32, trace: &mut impl FnMut(u32, u32) -> (Spectrum, WorkingSpace)) -> Option<[f32; 3]> {
+    fn color(&self, x: u32, y: u32, trace: &mut impl FnMut(u32, u32) -> [f32; 3]) -> Option<[f32; 3]> {
         let slot = self.slot(x, y)?;
         let bits = slot.each_ref().map(|v| v.load(Relaxed));
         if !bits.contains(&UNKNOWN) {
             return Some(bits.map(f32::from_bits));
         }
-        let (radiance, space) = trace(x, y);
-        let color = compared(radiance, space);
+        let color = kept(trace(x, y), self.space);
         write(slot, color);
         Some(color)
     }
@@ -133,20 +153,50 @@ fn write(slot: &[AtomicU32; 3], color: [f32; 3]) {
     }
 }
 
-/// The measure of the comparison; what is no number counts as black, as in the film.
-fn compared(radiance: Spectrum, space: WorkingSpace) -> [f32; 3] {
-    let measure = |v: f32| {
-        let v = f64::from(if v.is_finite() { v } else { 0.0 });
-        let measure = match space {
-            WorkingSpace::Power(g) => fns::pow_about(v.abs(), 0.4 * g),
-            _ => two_fifths(space.linear(v.abs())),
-        };
-        measure.copysign(v) as f32
-    };
-    let [r, g, b] = radiance.rgb();
-    let of_r = measure(r);
-    [of_r, if g == r { of_r } else { measure(g) }, if b == r { of_r } else { measure(b) }]
+/// What is kept of a color: numbers of which the measure grows about evenly. What is no number counts as black, as in the film.
+fn kept(color: [f32; 3], space: WorkingSpace) -> [f32; 3] {
+    let finite = color.map(|v| if v.is_finite() { v } else { 0.0 });
+    if space == WorkingSpace::Linear { finite.map(|v| v.abs().sqrt().copysign(v)) } else { finite }
 }
+
+/// The measure of the comparison, of what is kept; odd.
+fn measure(kept: f32, space: WorkingSpace) -> f64 {
+    let v = f64::from(kept.abs());
+    let measure = match space {
+        WorkingSpace::Linear => two_fifths(v * v),
+        WorkingSpace::Power(g) => fns::pow_about(v, 0.4 * g),
+        WorkingSpace::Srgb => two_fifths(space.linear(v)),
+    };
+    measure.copysign(f64::from(kept))
+}
+
+impl Quick {
+    /// Of a threshold of the measure m.
+    fn new(space: WorkingSpace, threshold: f32) -> Self {
+        if threshold == f32::INFINITY {
+            return Self { near: f32::INFINITY, far: f32::INFINITY };
+        }
+        let threshold = f64::from(threshold);
+        let m = |v: f64| measure(v as f32, space);
+        // Powers of more than 1 are steepest at the other end.
+        let bends_down = !matches!(space, WorkingSpace::Power(g) if !(g > 0.0 && g < 2.5));
+        if !(bends_down && threshold >= 0.0) {
+            return Self { near: -1.0, far: f32::INFINITY };
+        }
+        // m bends down and begins at 0, so |m(a) − m(b)| ≤ m(|a − b|), and the sum of three of these is largest where all are alike.
+        let (mut lo, mut hi) = (0.0, 1.0);
+        for _ in 0..40 {
+            let middle = 0.5 * (lo + hi);
+            if m(middle) < threshold / 3.0 { lo = middle } else { hi = middle }
+        }
+        // And it is least steep at 1.
+        let slope = (m(1.0) - m(0.999)) / 0.001;
+        Self { near: (3.0 * lo * (1.0 - SLACK)) as f32, far: (threshold / slope * (1.0 + SLACK)) as f32 }
+    }
+}
+
+/// Of the bounds in [`Quick`], for rounding and for the kink of sRGB.
+const SLACK: f64 = 0.02;
 
 /// x^(2/5) to about 1e-9, for x ≥ 0: two steps of Halley's method for y⁵ = x², which take half of the time of a power.
 fn two_fifths(x: f64) -> f64 {
@@ -166,11 +216,12 @@ fn two_fifths(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::hash::{hash_words, unit_float};
 
     /// Whether the left of two pixels of gray a and b is smoothed.
     fn smooths(a: f32, b: f32, threshold: f32) -> bool {
-        let centers = Centers::new(Antialias { threshold, depth: 3 }, Rect::new(0, 0, 1, 1), 2, 1);
-        centers.differs(0, 0, |x, _| (Spectrum::splat(if x == 0 { a } else { b }), WorkingSpace::Linear))
+        let centers = Centers::new(Antialias { threshold, depth: 3 }, WorkingSpace::Linear, Rect::new(0, 0, 1, 1), 2, 1);
+        centers.differs(0, 0, |x, _| [if x == 0 { a } else { b }; 3])
     }
 
     #[test]
@@ -188,24 +239,53 @@ mod tests {
             let x = fns::exp(f64::from(i) * 0.02 - 40.0);
             assert!((two_fifths(x) / fns::pow(x, 0.4) - 1.0).abs() < 1e-8, "{x}");
         }
+        let seen = |v: f64, space: WorkingSpace| measure(kept([v as f32; 3], space)[0], space);
         for space in [WorkingSpace::Power(2.2), WorkingSpace::Srgb] {
             for v in [0.0, 1e-3, 0.3, -0.7, 4.0] {
-                let [a, b] = [(v, space), (space.linear(v), WorkingSpace::Linear)].map(|(v, s)| compared(Spectrum::splat(v as f32), s)[0]);
+                let (a, b) = (seen(v, space), seen(space.linear(v), WorkingSpace::Linear));
                 assert!((a - b).abs() < 1e-6, "{space:?} {v}: {a} {b}");
             }
         }
-        assert_eq!(compared(Spectrum::splat(f32::NAN), WorkingSpace::Linear), [0.0; 3]);
+        assert_eq!(seen(f64::NAN, WorkingSpace::Linear), 0.0);
+    }
+
+    /// Answers without a power are those with it.
+    #[test]
+    fn quick_answers_are_right() {
+        let unit = |i: u64| unit_float(hash_words([i]) as u32);
+        let spaces = [1.0, 1.8, 2.2, 3.0].map(WorkingSpace::Power);
+        for space in spaces.into_iter().chain([WorkingSpace::Linear, WorkingSpace::Srgb]) {
+            for threshold in [0.0, 0.02, 0.3, 1.0, 3.0] {
+                let centers = Centers::new(Antialias { threshold, depth: 3 }, space, Rect::new(0, 0, 1, 1), 2, 1);
+                let mut quick = 0;
+                for i in 0..3000 {
+                    // Near each other and far apart, dark ones among them.
+                    let a: [f32; 3] = std::array::from_fn(|k| unit(8 * i + k as u64).powi(if i % 3 == 0 { 6 } else { 1 }));
+                    let reach = unit(8 * i + 3).powi(2);
+                    let b = std::array::from_fn(|k| (a[k] + reach * (unit(8 * i + 4 + k as u64) - 0.5)).clamp(0.0, 1.0));
+                    let sum: f32 = (0..3).map(|k| (a[k] - b[k]).abs()).sum();
+                    quick += u32::from(sum <= centers.quick.near || sum > centers.quick.far);
+                    let measured: f64 = (0..3).map(|k| (measure(a[k], space) - measure(b[k], space)).abs()).sum();
+                    if (measured - f64::from(threshold)).abs() > 1e-6 {
+                        assert_eq!(centers.is_far(&a, &b), measured > f64::from(threshold), "{space:?} {threshold}: {a:?} {b:?}");
+                    }
+                }
+                // Bounds of powers that are very steep next to 0 say little, and there are none for those that bend up.
+                let is_usual = !matches!(space, WorkingSpace::Power(g) if g == 1.0 || g == 3.0);
+                assert!(quick > 1500 || !is_usual || threshold != 0.3, "{space:?} {threshold}: {quick}");
+            }
+        }
     }
 
     #[test]
     fn centers_are_traced_once_and_within_the_picture() {
-        let centers = Centers::new(Antialias { threshold: 0.3, depth: 3 }, Rect::new(2, 0, 4, 2), 4, 2);
+        let centers = Centers::new(Antialias { threshold: 0.3, depth: 3 }, WorkingSpace::Linear, Rect::new(2, 0, 4, 2), 4, 2);
         let mut traced = Vec::new();
         for y in 0..2 {
             for x in 2..4 {
                 assert!(!centers.differs(x, y, |x, y| {
                     traced.push((x, y));
-                    (Spectrum::ZERO, WorkingSpace::Linear)
+                    [0.0; 3]
                 }));
             }
         }

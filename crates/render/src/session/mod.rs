@@ -6,6 +6,7 @@
 mod antialias;
 mod channels;
 pub mod job;
+mod smooth;
 
 pub use antialias::Antialias;
 pub use channels::{Aov, film_channels};
@@ -169,7 +170,7 @@ impl Session {
     /// samples should be that of the further ones.
     pub fn set_antialias(&mut self, antialias: Antialias) {
         let spec = self.film.spec();
-        self.centers = Some(Centers::new(antialias, self.film.rect(), spec.width, spec.height));
+        self.centers = Some(Centers::new(antialias, spec.space, self.film.rect(), spec.width, spec.height));
     }
 
     /// Estimates no error, for sessions of which nothing but the picture is wanted; see [`Film::drop_squares`].
@@ -202,7 +203,7 @@ impl Session {
         self.film = film;
         self.first_sample = first_sample;
         if let Some(centers) = &self.centers {
-            self.centers = Some(Centers::new(centers.antialias(), rect, spec.width, spec.height));
+            self.centers = Some(Centers::new(centers.antialias(), spec.space, rect, spec.width, spec.height));
         }
         Ok(())
     }
@@ -385,56 +386,61 @@ impl Session {
     }
 
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
+        if let Some(centers) = &self.centers {
+            return self.smooth_tile(centers, tile, rect, begin, end);
+        }
         let space = self.film.spec().space;
-        let wants_own = space != WorkingSpace::Linear;
-        let forgoes_first = self.aovs.is_empty();
-        let mut estimate = Estimate { wants_uv: self.aovs.contains(&Aov::Uv), forgoes_first, wants_own, ..Estimate::default() };
-        let mut neighbor = Estimate { forgoes_first: true, wants_own, ..Estimate::default() };
+        let mut estimate = self.new_estimate();
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
-                // Whether the pixel needs more than its center, once that is known.
-                let mut needs_more = None;
                 for index in begin..end {
-                    let weight = match &self.centers {
-                        None => {
-                            let (weight, stream) = self.sample(x, y, index, &mut estimate);
-                            self.splat(&estimate, stream, tile);
-                            weight
-                        }
-                        Some(centers) if index == 0 => {
-                            self.center(x, y, &mut estimate);
-                            centers.keep(x, y, estimate.radiance, estimate.space(space));
-                            1.0
-                        }
-                        Some(centers) => {
-                            let trace = |x, y| {
-                                self.center(x, y, &mut neighbor);
-                                (neighbor.radiance, neighbor.space(space))
-                            };
-                            if !*needs_more.get_or_insert_with(|| centers.differs(x, y, trace)) {
-                                // None of this pixel's further samples is needed.
-                                break;
-                            }
-                            self.sample(x, y, index - 1, &mut estimate).0
-                        }
-                    };
-                    channels::values(&estimate, &self.aovs, &mut values);
-                    if wants_own && !estimate.is_own {
-                        // Means are of numbers of the scene's space, as in POV-Ray (measured).
-                        values.iter_mut().take(3).for_each(|v| *v = space.from_linear(f64::from(*v)) as f32);
-                    }
-                    tile.add_sample(x, y, index, weight, &values);
+                    let (weight, stream) = self.sample(x, y, self.sampler.stream(x, y, index), &mut estimate);
+                    self.splat(&estimate, stream, tile);
+                    self.add(tile, x, y, index, weight, space, &estimate, &mut values);
                 }
             }
         }
     }
 
-    /// One sample of a pixel; returns its filter weight and the numbers that are left.
-    fn sample(&self, x: u32, y: u32, index: u32, estimate: &mut Estimate) -> (f32, SampleStream) {
-        let mut stream = self.sampler.stream(x, y, index);
+    /// What samples are written to: it says what is asked for.
+    fn new_estimate(&self) -> Estimate {
+        Estimate {
+            wants_uv: self.aovs.contains(&Aov::Uv),
+            forgoes_first: self.aovs.is_empty(),
+            wants_own: self.film.spec().space != WorkingSpace::Linear,
+            ..Estimate::default()
+        }
+    }
+
+    /// Adds a sample to a film whose means are of numbers of a space.
+    #[inline]
+    #[expect(clippy::too_many_arguments, reason = "private; the innermost of one loop")]
+    fn add(
+        &self,
+        tile: &mut Film,
+        x: u32,
+        y: u32,
+        index: u32,
+        weight: f32,
+        space: WorkingSpace,
+        estimate: &Estimate,
+        values: &mut Vec<f32>,
+    ) {
+        let [r, g, b] = own_rgb(estimate, space);
+        if self.aovs.is_empty() && estimate.groups.len() <= 1 {
+            tile.add_sample(x, y, index, weight, &[r, g, b, estimate.alpha]);
+            return;
+        }
+        channels::values(estimate, &self.aovs, values);
+        values.iter_mut().zip([r, g, b]).for_each(|(v, own)| *v = own);
+        tile.add_sample(x, y, index, weight, values);
+    }
+
+    /// One sample of a pixel with its numbers; returns its filter weight and the numbers that are left.
+    fn sample(&self, x: u32, y: u32, mut stream: SampleStream, estimate: &mut Estimate) -> (f32, SampleStream) {
         if self.integrator.shares_camera_samples() {
-            let shared = shared_sample(&self.sampler, &self.filter, index);
+            let shared = shared_sample(&self.sampler, &self.filter, stream.index());
             let camera_ray = self.scene.camera_ray(Vec2::new(x as f32 + 0.5, y as f32 + 0.5) + shared.offset, shared.u_lens);
             estimate.reset(self.scene.group_names.len());
             self.integrator.estimate(&self.scene, &camera_ray, &mut stream, estimate);
@@ -478,6 +484,13 @@ impl Session {
         }
         self.integrator.estimate(&self.scene, &camera_ray, stream, estimate);
     }
+}
+
+/// The radiance in numbers of a space: means are of numbers of the scene's, as in POV-Ray (measured).
+#[inline]
+fn own_rgb(estimate: &Estimate, space: WorkingSpace) -> [f32; 3] {
+    let rgb = estimate.radiance.rgb();
+    if space == WorkingSpace::Linear || estimate.is_own { rgb } else { rgb.map(|v| space.from_linear(f64::from(v)) as f32) }
 }
 
 /// The camera sample that all pixels share: that of a pixel that no picture has.

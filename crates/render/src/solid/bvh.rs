@@ -141,21 +141,25 @@ impl Bvh {
             let node = &self.nodes[current as usize];
             let (near, mask) = ray.test(&node.planes, (t_max as f32) * SLACK);
             // Children in the order of falling distance, so that the nearest is taken first.
-            let mut order: ArrayVec<(f32, u8), WIDTH> = ArrayVec::new();
+            let mut order = [(0.0f32, 0u8); WIDTH];
+            let mut entered = 0;
             for (slot, &t) in near.iter().enumerate() {
                 if mask & (1 << slot) != 0 {
-                    let at = order.iter().position(|o| o.0 < t).unwrap_or(order.len());
-                    order.insert(at, (t, slot as u8));
+                    let mut at = entered;
+                    while at > 0 && order[at - 1].0 < t {
+                        order[at] = order[at - 1];
+                        at -= 1;
+                    }
+                    order[at] = (t, slot as u8);
+                    entered += 1;
                 }
             }
-            let first = stack.len();
-            while let Some((near, slot)) = order.pop() {
+            // Inner nodes wait behind the leaves of this node.
+            let mut inner: ArrayVec<(u32, f32), WIDTH> = ArrayVec::new();
+            for &(near, slot) in order[..entered].iter().rev() {
                 let slot = slot as usize;
                 if node.count[slot] == 0 {
-                    // Inner nodes wait behind the leaves of this node, in the order of distance.
-                    if stack.try_insert(first, (node.child[slot], near)).is_err() {
-                        debug_assert!(false, "stack of the hierarchy");
-                    }
+                    inner.push((node.child[slot], near));
                     continue;
                 }
                 if near > (t_max as f32) * SLACK {
@@ -166,6 +170,11 @@ impl Bvh {
                     if !visit(item, &mut t_max) {
                         return;
                     }
+                }
+            }
+            for &entry in inner.iter().rev() {
+                if stack.try_push(entry).is_err() {
+                    debug_assert!(false, "stack of the hierarchy");
                 }
             }
             loop {

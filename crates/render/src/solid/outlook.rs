@@ -81,24 +81,20 @@ impl Outlook {
     #[inline]
     pub(super) fn towards(&self, d: DVec3) -> Option<&[(u32, f32)]> {
         let a = d.abs();
-        let axis = if a.x >= a.y && a.x >= a.z {
-            0
+        let (axis, along, u, v) = if a.x >= a.y && a.x >= a.z {
+            (0, d.x, d.y, d.z)
         } else if a.y >= a.z {
-            1
+            (1, d.y, d.z, d.x)
         } else {
-            2
+            (2, d.z, d.x, d.y)
         };
-        let (u, v) = match axis {
-            0 => (d.y, d.z),
-            1 => (d.z, d.x),
-            _ => (d.x, d.y),
-        };
-        let scale = (0.5 * CELLS as f64) / a[axis];
+        let scale = (0.5 * CELLS as f64) / along.abs();
         if !scale.is_finite() {
             return None;
         }
-        let index = |x: f64| ((x * scale + 0.5 * CELLS as f64) as usize).min(CELLS - 1);
-        let face = 2 * axis + usize::from(d[axis] < 0.0);
+        // By way of i32: conversions to larger numbers take several instructions.
+        let index = |x: f64| ((x * scale + 0.5 * CELLS as f64) as i32).clamp(0, CELLS as i32 - 1) as usize;
+        let face = 2 * axis + usize::from(along < 0.0);
         let cell = (face * CELLS + index(v)) * CELLS + index(u);
         let found = &self.entries[self.starts[cell] as usize..self.starts[cell + 1] as usize];
         (found.len() <= MOST_IN_A_CELL).then_some(found)

@@ -74,7 +74,12 @@ impl Primitive for Plane {
 
     #[inline]
     fn nearest(&self, line: &Line, t_min: f64, t_max: f64, _scratch: &mut Vec<Crossing>) -> Option<Crossing> {
-        let t = (self.distance - self.n.dot(line.o)) / self.n.dot(line.d);
+        let (away, approach) = (self.distance - self.n.dot(line.o), self.n.dot(line.d));
+        // Lines that lead away need no division.
+        if t_min >= 0.0 && (away < 0.0) != (approach < 0.0) {
+            return None;
+        }
+        let t = away / approach;
         (t > t_min && t < t_max).then(|| Crossing::new(t, 0))
     }
 

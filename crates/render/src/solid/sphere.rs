@@ -52,7 +52,9 @@ impl Sphere {
         let f = line.o - self.center;
         let a = line.d.length_squared();
         let b = -f.dot(line.d);
-        let miss = f + line.d * (b / a);
+        // Most lines are of unit length but for rounding, and need no division.
+        let is_unit = (a - 1.0).abs() < 1e-15;
+        let miss = f + line.d * if is_unit { b } else { b / a };
         let h = self.radius * self.radius - miss.length_squared();
         if !(h >= 0.0) {
             return None;
@@ -62,7 +64,7 @@ impl Sphere {
         if q == 0.0 {
             return None;
         }
-        let (t0, t1) = (c / q, q / a);
+        let (t0, t1) = (c / q, if is_unit { q } else { q / a });
         Some(if t0 <= t1 { (t0, t1) } else { (t1, t0) })
     }
 }

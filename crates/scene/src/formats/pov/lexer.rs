@@ -125,6 +125,19 @@ pub(super) const SIGNS: &[&str] = &[
     "%", "~", "\\", "'", "`", "$",
 ];
 
+/// Of each byte its place in [`SIGNS`], if it is one.
+const SIGN_OF_BYTE: [Option<u8>; 256] = {
+    let mut places = [None; 256];
+    let mut i = 0;
+    while i < SIGNS.len() {
+        if SIGNS[i].len() == 1 {
+            places[SIGNS[i].as_bytes()[0] as usize] = Some(i as u8);
+        }
+        i += 1;
+    }
+    places
+};
+
 /// A token as it stands in a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Raw {
@@ -178,6 +191,7 @@ pub(super) fn lex(file: FileId, bytes: &[u8], names: &mut Names) -> Code {
         at: 0,
         line: 1,
         line_start: 0,
+        counted: (0, 0),
         names,
         code: Code { file, tokens: Vec::new(), texts: Vec::new(), last: Span::default() },
     };
@@ -194,6 +208,8 @@ struct Lexer<'a, 'n> {
     at: usize,
     line: u32,
     line_start: usize,
+    /// A place in the line and how many characters are before it.
+    counted: (usize, usize),
     names: &'n mut Names,
     code: Code,
 }
@@ -203,12 +219,13 @@ impl<'a> Lexer<'a, '_> {
         self.bytes.get(self.at + ahead).copied().unwrap_or(0)
     }
 
-    fn place(&self, at: usize) -> (u32, u32) {
-        // Columns are characters: continuation bytes of UTF-8 do not count.
-        let start = self.line_start.min(at);
-        let text = &self.bytes[start..at.min(self.bytes.len())];
-        // Lines of generated files may be very long: the exact column is then not worth the time.
-        let column = if text.len() > 4096 { text.len() } else { text.iter().filter(|&&b| b & 0xc0 != 0x80).count() };
+    fn place(&mut self, at: usize) -> (u32, u32) {
+        // Columns are characters: continuation bytes of UTF-8 do not count. Tokens follow each other, so that each byte is looked at once.
+        let (from, before) = self.counted;
+        let (from, before) = if from >= self.line_start && from <= at { (from, before) } else { (self.line_start.min(at), 0) };
+        let text = &self.bytes[from.min(self.bytes.len())..at.min(self.bytes.len())];
+        let column = before + text.iter().filter(|&&b| b & 0xc0 != 0x80).count();
+        self.counted = (at, column);
         (self.line, u32::try_from(column + 1).unwrap_or(u32::MAX))
     }
 
@@ -219,26 +236,25 @@ impl<'a> Lexer<'a, '_> {
 
     /// Skips blanks and comments; the message of a comment that does not end.
     fn blanks(&mut self) -> Option<(u32, u32)> {
-        while self.at < self.bytes.len() {
-            match (self.byte(0), self.byte(1)) {
-                (b'\n', _) => {
+        while let Some(&byte) = self.bytes.get(self.at) {
+            match byte {
+                b' ' | b'\t' | 0x0b | 0x0c | 0x1a | 0 => self.at += 1,
+                b'\n' => {
                     self.at += 1;
                     self.newline();
                 }
-                (b'\r', next) => {
+                b'\r' => {
                     self.at += 1;
-                    if next != b'\n' {
+                    if self.byte(0) != b'\n' {
                         self.newline();
                     }
                 }
-                (b' ' | b'\t' | 0x0b | 0x0c | 0x1a | 0, _) => self.at += 1,
-                (0xc2, 0xa0) => self.at += 2,
-                (b'/', b'/') => {
-                    while self.at < self.bytes.len() && !matches!(self.byte(0), b'\n' | b'\r') {
-                        self.at += 1;
-                    }
+                0xc2 if self.byte(1) == 0xa0 => self.at += 2,
+                b'/' if self.byte(1) == b'/' => {
+                    let rest = &self.bytes[self.at..];
+                    self.at += rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(rest.len());
                 }
-                (b'/', b'*') => {
+                b'/' if self.byte(1) == b'*' => {
                     let start = self.place(self.at);
                     if !self.block_comment() {
                         return Some(start);
@@ -326,14 +342,20 @@ impl<'a> Lexer<'a, '_> {
                 }
             }
             _ => {
-                let two = self.bytes.get(self.at..self.at + 2).and_then(|t| SIGNS.iter().position(|s| s.as_bytes() == t));
-                let one = SIGNS.iter().position(|s| s.as_bytes() == [b]);
+                let two = match (b, self.byte(1)) {
+                    (b'<', b'=') => Some("<="),
+                    (b'>', b'=') => Some(">="),
+                    (b'!', b'=') => Some("!="),
+                    _ => None,
+                };
+                let two = two.and_then(|sign| SIGNS.iter().position(|s| *s == sign));
+                let one = SIGN_OF_BYTE[usize::from(b)];
                 if let Some(i) = two {
                     self.at += 2;
                     self.push(Raw::Sign(i as u8), place);
                 } else if let Some(i) = one {
                     self.at += 1;
-                    self.push(Raw::Sign(i as u8), place);
+                    self.push(Raw::Sign(i), place);
                 } else {
                     self.at += 1;
                     while self.byte(0) & 0xc0 == 0x80 {
@@ -347,12 +369,11 @@ impl<'a> Lexer<'a, '_> {
     }
 
     fn word(&mut self) -> &'a str {
-        let start = self.at;
-        while self.byte(0).is_ascii_alphanumeric() || self.byte(0) == b'_' {
-            self.at += 1;
-        }
-        // ASCII by the loop above.
-        std::str::from_utf8(&self.bytes[start..self.at]).unwrap_or("")
+        let rest = self.bytes.get(self.at..).unwrap_or_default();
+        let word = rest.iter().position(|b| !(b.is_ascii_alphanumeric() || *b == b'_')).map_or(rest, |end| &rest[..end]);
+        self.at += word.len();
+        // ASCII by the line above.
+        std::str::from_utf8(word).unwrap_or("")
     }
 
     fn number(&mut self, place: (u32, u32)) {
