@@ -337,3 +337,46 @@ fn clouds_are_grids() {
         assert!(of(hostile).volumes[0].value.data.iter().all(|v| (0.0..=1.0).contains(v)), "{hostile}");
     }
 }
+
+#[test]
+fn realistic_cameras_have_their_lenses() {
+    let folder = TempFolder::new("pbrt-lens");
+    folder.put("lens.dat", "# r d n w\n100 1 1.5 60\n0 2 0 20 # stop\n-100 0 1 60\n");
+    folder.put("three.dat", "1 2 3");
+    folder.put("words.dat", "1 2\n3 four");
+    folder.put("diverging.dat", "-100 1 1.5 60\n100 0 1 60\n");
+    let text = |lens: &str, more: &str| {
+        format!(
+            "Camera \"realistic\" \"string lensfile\" \"{lens}\" {more}\nFilm \"rgb\" \"float diagonal\" 43\nWorldBegin Shape \"sphere\""
+        )
+    };
+    let read_text = |text: &str| read(&folder.put("scene.pbrt", text), &ReadOptions::default());
+    let desc = read_text(&text("lens.dat", "\"float aperturediameter\" 8 \"float focusdistance\" 3")).unwrap();
+    let ProjectionDesc::Objective(objective) = &desc.cameras[0].value.projection else { panic!("{:?}", desc.cameras[0]) };
+    let surface = |curvature_radius, thickness, ior, aperture_radius| LensInterface { curvature_radius, thickness, ior, aperture_radius };
+    let wanted = [surface(0.1, 0.001, 1.5, 0.03), surface(0.0, 0.002, 1.0, 0.004), surface(-0.1, 0.0, 1.0, 0.03)];
+    for (a, b) in objective.interfaces.iter().zip(&wanted) {
+        let values = |i: &LensInterface| [i.curvature_radius, i.thickness, i.ior, i.aperture_radius];
+        assert!(values(a).iter().zip(values(b)).all(|(a, b)| (a - b).abs() < 1e-6), "{a:?}");
+    }
+    assert!((objective.film_diagonal - 0.043).abs() < 1e-6 && objective.focus_distance == 3.0 && desc.report.losses.is_empty());
+    let path = folder.path().join("again.pbrt");
+    assert!(pbrt::write(&desc, &path).unwrap().losses.is_empty());
+    let again = read(&path, &ReadOptions::default()).unwrap();
+    let ProjectionDesc::Objective(second) = &again.cameras[0].value.projection else { panic!("{:?}", again.cameras[0]) };
+    assert!(second.interfaces.len() == 3 && (second.film_distance().unwrap() - objective.film_distance().unwrap()).abs() < 1e-6);
+    let message = |text: &str| read_text(text).unwrap_err().to_string();
+    let near = "\"float focusdistance\" 0.2 \"float aperturediameter\" 8";
+    for (lens, more, wanted) in [
+        ("lens.dat", near, "cannot focus at 0.2"),
+        ("three.dat", "", "3 numbers"),
+        ("words.dat", "", "words.dat:2: `four` is no number"),
+        ("diverging.dat", "", "does not gather light"),
+        ("missing.dat", "", "missing.dat"),
+        ("../../../../etc/passwd", "", "outside"),
+    ] {
+        let message = message(&text(lens, more));
+        assert!(message.contains(wanted) && message.contains("scene.pbrt:1:1"), "{lens}: {message}");
+    }
+    assert!(message("Camera \"realistic\" WorldBegin").contains("needs a `lensfile`"));
+}

@@ -301,7 +301,7 @@ impl Caustics for Chains {
         let tracer = self.tracer(scene, &chain.foot);
         let Some((solution, target)) = self.solution(&tracer, &chain, light) else { return false };
         let Some(own) = self.share(light, chain.reflect != NOWHERE, solution.determinant) else { return false };
-        let mut rng = trail.rng.clone();
+        let mut rng = trail.rng;
         // All of the light or nothing, by chance: in the mean what the search does not bring.
         if rng.next_1d() >= own {
             return false;
