@@ -16,6 +16,10 @@ const HALF_TURN: Mat4 = Mat4::from_cols_array(&[-1., 0., 0., 0., 0., 1., 0., 0.,
 /// Half the edge of the rectangle that stands for a plane.
 const PLANE_EXTENT: f32 = 1e5;
 
+/// Clipping distances of cameras that have none.
+const LEAST_NEAR: f32 = 1e-4;
+const MOST_FAR: f32 = 1e8;
+
 impl Writer<'_> {
     /// Integrator and cameras.
     pub(super) fn settings(&mut self) {
@@ -93,8 +97,9 @@ impl Writer<'_> {
             }
         }
         self.xml.transform("to_world", to_world);
-        self.xml.float("near_clip", camera.near);
-        self.xml.float("far_clip", camera.far);
+        // Neither may be missing, 0 or infinite there.
+        self.xml.float("near_clip", camera.near.max(LEAST_NEAR));
+        self.xml.float("far_clip", camera.far.min(MOST_FAR));
         if let Some(id) = camera.medium.and_then(|m| self.ids.media.get(m.0 as usize).cloned()) {
             self.xml.reference("", &id);
         }
