@@ -1,10 +1,11 @@
 //! Procedural textures and functions as plain data, with their evaluation.
 //!
 //! A reader evaluates functions while it reads (`f(1, 2, 3)` in a `.pov` file), and the renderer evaluates patterns and functions at
-//! every hit, so both stand on this crate: `render → scene → procedural`. Everything is `f64`, and all elementary functions come
-//! from [`fns`], so values have the same bits on every machine.
+//! every hit, so both stand on this crate: `render → scene → procedural`. All elementary functions come from [`fns`], so values have the
+//! same bits on every machine.
 //!
-//! The models are those of POV-Ray 3.7 as its documentation and its output tell; no source of it was used.
+//! The models are those of POV-Ray 3.7, in `f64`, as its documentation and its output tell (no source of it was used); and, in
+//! [`gradient_noise`] and [`solid_pattern`], those of pbrt-v4, in `f32`.
 
 mod always;
 pub mod color;
@@ -13,6 +14,7 @@ mod default_colors;
 pub mod finish;
 pub mod fns;
 pub mod function;
+pub mod gradient_noise;
 pub mod image_map;
 pub mod map;
 pub mod noise;
@@ -24,6 +26,7 @@ pub mod pigment;
 mod power;
 #[allow(clippy::approx_constant)] // √2 is one entry of a table.
 mod power_tables;
+pub mod solid_pattern;
 pub mod spline;
 pub mod texture;
 pub mod warp;
@@ -37,6 +40,7 @@ pub use map::BlendMap;
 pub use normal::{Normal, NormalFill};
 pub use pattern::{Pattern, PatternKind};
 pub use pigment::{PatternedPigment, Pigment, PigmentFill};
+pub use solid_pattern::SolidPattern;
 pub use spline::{Spline, SplineKind};
 pub use texture::{Layer, PatternedTexture, Texture, TextureFill};
 pub use warp::Warp;

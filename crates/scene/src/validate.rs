@@ -1,10 +1,11 @@
 //! Checks that a description can be compiled: ids in range, no cycles, finite transforms, sane sizes.
 
+use etendue_procedural::SolidPattern;
 use glam::{Mat3, Mat4};
 
 use crate::desc::{
-    BsdfDesc, Color, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PhaseDesc, ProjectionDesc, Scalar,
-    SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
+    BsdfDesc, Color, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PatternSpace, PhaseDesc,
+    ProjectionDesc, Scalar, SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
 };
 use crate::report::{ReadError, Report};
 use crate::span::{FileId, Span};
@@ -142,6 +143,31 @@ impl Checker<'_> {
                     used.push(texture.0);
                     if !(*exponent > 0.0 && exponent.is_finite()) {
                         self.report.error(span, "an exponent must be positive");
+                    }
+                }
+                TextureDesc::Solid { pattern, space } => {
+                    match space {
+                        PatternSpace::World(m) => self.finite(span, &m.to_cols_array(), "a transform of a texture"),
+                        PatternSpace::Uv(m) => self.finite(span, &m.to_cols_array(), "a transform of texture coordinates"),
+                    }
+                    match pattern {
+                        SolidPattern::Fbm { roughness, .. } | SolidPattern::Turbulence { roughness, .. } => {
+                            self.finite(span, &[*roughness], "a pattern's roughness");
+                        }
+                        SolidPattern::Marble { roughness, scale, variation, .. } => {
+                            self.finite(span, &[*roughness, *scale, *variation], "a parameter of marble");
+                        }
+                        SolidPattern::Windy | SolidPattern::Cubes | SolidPattern::Dots | SolidPattern::Coordinate => {}
+                    }
+                }
+                TextureDesc::Projected { texture, pattern_from_world, .. } => {
+                    self.texture(span, *texture);
+                    used.push(texture.0);
+                    self.finite(span, &pattern_from_world.to_cols_array(), "a transform of a texture");
+                }
+                TextureDesc::Facing { direction } => {
+                    if !direction.is_normalized() {
+                        self.report.error(span, "a direction must have the length 1");
                     }
                 }
             }

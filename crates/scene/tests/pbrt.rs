@@ -218,6 +218,37 @@ fn textures_chain() {
 }
 
 #[test]
+fn hostile_textures_are_refused_or_limited() {
+    let texture = |t: &str| faults(&format!("WorldBegin Texture \"t\" {t}"));
+    assert!(texture("\"spectrum\" \"fbm\"")[0].contains("a texture of floats"));
+    assert!(texture("\"float\" \"marble\"")[0].contains("a texture of spectra"));
+    assert!(texture("\"float\" \"checkerboard\" \"integer dimension\" 4")[0].contains("2 or 3 dimensions, not 4"));
+    assert!(texture("\"float\" \"directionmix\" \"vector3 dir\" [0 0 0]")[0].contains("must not be zero"));
+    assert!(texture("\"float\" \"dots\" \"string mapping\" \"conical\"")[0].contains("no mapping `conical`"));
+    let flat = faults("WorldBegin Scale 1 0 1 Texture \"t\" \"float\" \"windy\"");
+    assert!(flat[0].contains("cannot be inverted"), "{flat:?}");
+    let mut desc = world("Texture \"t\" \"float\" \"fbm\" \"integer octaves\" 2000000000 \"float roughness\" nan");
+    assert!(desc.report.losses[0].feature.contains("2000000000 octaves"), "{:?}", desc.report.losses);
+    let message = etendue_scene::validate::validate(&mut desc).unwrap_err().to_string();
+    assert!(message.contains("roughness is not finite"), "{message}");
+}
+
+/// Noise leaves [0, 1]; what a surface reflects does not.
+#[test]
+fn reflectances_by_noise_are_limited() {
+    let desc = world(
+        "Texture \"n\" \"float\" \"fbm\" Texture \"t\" \"spectrum\" \"mix\" \"texture amount\" \"n\"\n\
+         Material \"diffuse\" \"texture reflectance\" \"t\" Material \"diffuse\" \"texture reflectance\" \"t\" Shape \"sphere\"",
+    );
+    let limited = |i: usize| match desc.bsdfs[i].value {
+        BsdfDesc::Diffuse { reflectance: Color::Texture(id), .. } => id,
+        _ => panic!(),
+    };
+    assert!(matches!(desc[limited(0)].value, TextureDesc::Affine { clamp: Some([0.0, 1.0]), .. }));
+    assert_eq!(limited(0), limited(2), "one node for all");
+}
+
+#[test]
 fn included_files_may_be_compressed_and_may_not_lead_outside() {
     let folder = TempFolder::new("pbrt-include");
     folder.put("part.pbrt", "Shape \"sphere\"\n");

@@ -100,9 +100,11 @@ impl Bitmap {
         let at = self.place(scene, s);
         let (w, h) = (self.texels.width, self.texels.height);
         if self.filter == TextureFilter::Nearest {
-            let x = wrap(self.wrap[0], cell(at.x * w as f32), w);
-            let y = wrap(self.wrap[1], cell(at.y * h as f32), h);
-            return self.texels.get(x, h - 1 - y);
+            let (x, y) = (cell(at.x * w as f32), cell(at.y * h as f32));
+            if !shown(self.wrap[0], x, w) || !shown(self.wrap[1], y, h) {
+                return [0.0; 4];
+            }
+            return self.texels.get(wrap(self.wrap[0], x, w), h - 1 - wrap(self.wrap[1], y, h));
         }
         let level = if self.levels.is_empty() { 0.0 } else { self.level(s) };
         if level <= 0.0 {
@@ -145,13 +147,20 @@ fn quad(texels: &Texels, wraps: [Wrap; 2], at: Vec2) -> Quad {
     let xs = [x, x + 1].map(|x| wrap(wraps[0], x, w));
     // Rows count from the top, v from the bottom.
     let ys = [y, y + 1].map(|y| h - 1 - wrap(wraps[1], y, h));
-    let get = |i: usize, j: usize| texels.get(xs[i], ys[j]);
+    let inside = |i: usize, j: usize| shown(wraps[0], x + i as i64, w) && shown(wraps[1], y + j as i64, h);
+    let get = |i: usize, j: usize| if inside(i, j) { texels.get(xs[i], ys[j]) } else { [0.0; 4] };
     Quad { texels: [get(0, 0), get(1, 0), get(0, 1), get(1, 1)], fraction }
 }
 
 /// The index of the texel at a coordinate; far-off and undefined coordinates stay in range.
 fn cell(v: f32) -> i64 {
     v.floor().clamp(-1e15, 1e15) as i64
+}
+
+/// Whether there is a picture at an index.
+#[inline]
+fn shown(mode: Wrap, i: i64, n: u32) -> bool {
+    mode != Wrap::Black || (0..i64::from(n)).contains(&i)
 }
 
 fn wrap(mode: Wrap, i: i64, n: u32) -> u32 {
@@ -162,7 +171,7 @@ fn wrap(mode: Wrap, i: i64, n: u32) -> u32 {
             let m = i.rem_euclid(2 * n);
             if m < n { m } else { 2 * n - 1 - m }
         }
-        Wrap::Clamp => i.clamp(0, n - 1),
+        Wrap::Clamp | Wrap::Black => i.clamp(0, n - 1),
     };
     wrapped as u32
 }
@@ -170,6 +179,7 @@ fn wrap(mode: Wrap, i: i64, n: u32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::image::{ColorEncoding, TexelData};
 
     #[test]
     fn indices_beyond_the_edge_wrap_as_told() {
@@ -179,5 +189,16 @@ mod tests {
         assert_eq!(row(Wrap::Clamp), [0, 0, 0, 0, 1, 2, 2, 2, 2]);
         assert_eq!(wrap(Wrap::Repeat, cell(f32::NAN), 7), 0);
         assert!(wrap(Wrap::Mirror, cell(f32::INFINITY), 7) < 7);
+        assert_eq!((-1..4).map(|i| shown(Wrap::Black, i, 3)).collect::<Vec<_>>(), [false, true, true, true, false]);
+    }
+
+    /// A white picture fades to black over half a texel on both sides of its edge, by linear interpolation with what is not there.
+    #[test]
+    fn black_wraps_end_at_the_edge() {
+        let data = TexelData::F32(vec![1.0; 16]);
+        let texels = Texels { width: 4, height: 4, channels: 1, encoding: ColorEncoding::Linear, data };
+        let at = |x: f32, y: f32| quad(&texels, [Wrap::Black; 2], Vec2::new(x, y)).blend();
+        assert_eq!([at(0.5, 0.5)[0], at(0.0, 0.5)[0], at(0.0, 0.0)[0], at(-0.125, 0.5)[0], at(9.0, 0.5)[0]], [1.0, 0.5, 0.25, 0.0, 0.0]);
+        assert_eq!(at(0.5, 2.0), [0.0; 4], "transparent as well");
     }
 }

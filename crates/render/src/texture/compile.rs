@@ -7,7 +7,7 @@ use etendue_scene::desc::{Encoding, ImageDesc, ImageId, ImageSource, SceneDesc, 
 use etendue_scene::{Fault, Severity, Span};
 use rayon::prelude::*;
 
-use super::{Bitmap, Texture, pyramid};
+use super::{Bitmap, Projected, Solid, Texture, pyramid};
 use crate::image::{ColorEncoding, ReadLimits, TexelData, Texels};
 use crate::scene::Names;
 use crate::spectrum::Spectrum;
@@ -78,6 +78,11 @@ fn texture(desc: &TextureDesc, pictures: &HashMap<(ImageId, u8), Picture>, names
         TextureDesc::Attribute { name, scale } => Texture::Attribute { name: names.intern(name), scale: *scale },
         TextureDesc::Multiply { a, b } => Texture::Multiply(*a, *b),
         TextureDesc::Mix { a, b, weight } => Texture::Mix(*a, *b, *weight),
+        TextureDesc::Solid { pattern, space } => Texture::Solid(Box::new(Solid { pattern: *pattern, space: *space })),
+        TextureDesc::Projected { texture, projection, pattern_from_world } => {
+            Texture::Projected(Box::new(Projected { texture: *texture, projection: *projection, pattern_from_world: *pattern_from_world }))
+        }
+        TextureDesc::Facing { direction } => Texture::Facing { direction: *direction },
         TextureDesc::Power { texture, exponent } => Texture::Power { texture: *texture, exponent: *exponent },
         TextureDesc::Affine { texture, scale, offset, clamp } => {
             Texture::Affine { texture: *texture, scale: *scale, offset: *offset, clamp: *clamp }

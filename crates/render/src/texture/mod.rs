@@ -6,9 +6,11 @@
 mod bitmap;
 mod compile;
 mod pyramid;
+mod solid;
 
 pub use bitmap::Bitmap;
 pub use compile::{compile, decode};
+pub use solid::{Projected, Solid};
 
 use etendue_scene::desc::{Color, Param, Scalar, TextureId};
 use glam::Mat3;
@@ -62,6 +64,15 @@ pub enum Texture {
         /// The exponent.
         exponent: f32,
     },
+    /// A function of a place.
+    Solid(Box<Solid>),
+    /// A texture over projected coordinates.
+    Projected(Box<Projected>),
+    /// |cos| between the geometric normal and a direction.
+    Facing {
+        /// Unit.
+        direction: Vec3,
+    },
 }
 
 impl Texture {
@@ -82,6 +93,9 @@ impl Texture {
             Self::Power { texture, exponent } => {
                 scene.texture(*texture).color(scene, s).map(|v| crate::math::fns::pow(v.max(0.0), *exponent))
             }
+            Self::Solid(solid) => solid.color(s),
+            Self::Projected(projected) => scene.texture(projected.texture).color(scene, &projected.surface(s)),
+            Self::Facing { direction } => Spectrum::splat(s.ng.dot(*direction).abs()),
             Self::Affine { texture, scale, offset, clamp } => {
                 let v = scene.texture(*texture).color(scene, s) * *scale + Spectrum::splat(*offset);
                 clamp.map_or(v, |[lo, hi]| v.clamp(lo, hi))
@@ -103,7 +117,10 @@ impl Texture {
                 s.attribute(scene, *name).map_or(0.0, |[r, g, b, _]| Spectrum::from_rgb([r, g, b]).luminance()) * scale
             }
             Self::Multiply(a, b) => scalar_of(scene, a, s) * scalar_of(scene, b, s),
-            Self::Constant(_) | Self::Checkerboard { .. } | Self::Mix(..) => self.color(scene, s).luminance(),
+            Self::Projected(projected) => scene.texture(projected.texture).scalar(scene, &projected.surface(s)),
+            Self::Constant(_) | Self::Checkerboard { .. } | Self::Mix(..) | Self::Solid(_) | Self::Facing { .. } => {
+                self.color(scene, s).luminance()
+            }
         }
     }
 

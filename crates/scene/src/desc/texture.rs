@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use glam::Mat3;
+use etendue_procedural::SolidPattern;
+use glam::{Mat3, Mat4, Vec3};
 use serde::{Deserialize, Serialize};
 
 use super::{ImageId, TextureId};
@@ -77,6 +78,8 @@ pub enum Wrap {
     Mirror,
     /// The edge goes on.
     Clamp,
+    /// Black and transparent.
+    Black,
 }
 
 /// How a picture is looked up between pixels.
@@ -124,6 +127,26 @@ pub struct BitmapDesc {
     pub channel: Channel,
     /// Set of texture coordinates: 0 is the mesh's `uvs`, n > 0 its attribute `uv{n}`.
     pub uv_set: u32,
+}
+
+/// How texture coordinates follow from a place, in a space of their own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Projection {
+    /// (x, y).
+    Planar,
+    /// (θ / π, φ / 2π) with the angle θ to +z and φ from +x towards +y, from 0 to 2π.
+    Spherical,
+    /// (½ + φ / 2π, z) with φ from −π to π.
+    Cylindrical,
+}
+
+/// Where a pattern takes its place from.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum PatternSpace {
+    /// The point in the world, by this `pattern_from_world`.
+    World(Mat4),
+    /// (u, v, 1) by this `pattern_from_uv`, at z = 0.
+    Uv(Mat3),
 }
 
 /// A texture: a color and a scalar for every surface point.
@@ -185,5 +208,26 @@ pub enum TextureDesc {
         texture: TextureId,
         /// The exponent, positive.
         exponent: f32,
+    },
+    /// A function of a place.
+    Solid {
+        /// The function.
+        pattern: SolidPattern,
+        /// Of which place.
+        space: PatternSpace,
+    },
+    /// A texture, and all that it refers to, over texture coordinates that follow from the place instead of the mesh's own.
+    Projected {
+        /// What is projected.
+        texture: TextureId,
+        /// How.
+        projection: Projection,
+        /// To the projection's space.
+        pattern_from_world: Mat4,
+    },
+    /// |cos| between the geometric normal and a direction.
+    Facing {
+        /// In the world, unit.
+        direction: Vec3,
     },
 }

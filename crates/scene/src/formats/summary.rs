@@ -127,6 +127,9 @@ impl Summary {
             TextureDesc::Mix { .. } => "mix",
             TextureDesc::Affine { .. } => "affine",
             TextureDesc::Power { .. } => "power",
+            TextureDesc::Solid { .. } => "solid",
+            TextureDesc::Projected { .. } => "projected",
+            TextureDesc::Facing { .. } => "facing",
         }));
         let cameras = desc.cameras.iter().enumerate().map(|(i, c)| {
             let kind = match &c.value.projection {

@@ -28,7 +28,7 @@ mod write;
 
 pub use write::write;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::{ReadOptions, ResolveError, Resolver};
@@ -76,6 +76,9 @@ struct Reader {
     default_material: Option<BsdfId>,
     float_textures: HashMap<String, Scalar>,
     spectrum_textures: HashMap<String, TextureId>,
+    /// Textures whose values may lie beyond [0, 1] by a pattern, and what has been made to limit them.
+    unbounded: HashSet<TextureId>,
+    clamped: HashMap<TextureId, TextureId>,
     media: HashMap<String, MediumId>,
     coordinate_systems: HashMap<String, glam::DMat4>,
     objects: HashMap<String, GroupId>,
@@ -103,6 +106,8 @@ impl Reader {
             default_material: None,
             float_textures: HashMap::new(),
             spectrum_textures: HashMap::new(),
+            unbounded: HashSet::new(),
+            clamped: HashMap::new(),
             media: HashMap::new(),
             coordinate_systems: HashMap::new(),
             objects: HashMap::new(),

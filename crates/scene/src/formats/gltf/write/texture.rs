@@ -100,11 +100,21 @@ impl Writer<'_> {
                 self.loss(span, &format!("attribute `{name}` as texture"), "written as white");
                 plain([1.0; 3])
             }
-            // The kinds of textures may grow.
-            #[allow(unreachable_patterns)]
-            _ => {
-                self.loss(span, "texture", "written as white");
-                plain([1.0; 3])
+            TextureDesc::Projected { texture, .. } => {
+                self.loss(span, "projected texture", "written over texture coordinates");
+                self.color_parts_at(Color::Texture(*texture), span, depth + 1)
+            }
+            TextureDesc::Solid { pattern, .. } => {
+                self.loss(span, "pattern of a texture", "written as its mean");
+                plain(pattern.mean().map(|v| v.clamp(0.0, 1.0)))
+            }
+            TextureDesc::Facing { .. } => {
+                self.loss(span, "texture by direction", "written as its mean");
+                plain([0.5; 3])
+            }
+            TextureDesc::Power { texture, .. } => {
+                self.loss(span, "power of a texture", "written as the texture");
+                self.color_parts_at(Color::Texture(*texture), span, depth + 1)
             }
         }
     }
@@ -159,7 +169,7 @@ impl Writer<'_> {
         let texture = match self.textures.get(&key) {
             Some(known) => *known,
             None => {
-                let sampler = self.sampler(b);
+                let sampler = self.sampler(b, span);
                 let mut texture = json!({ "sampler": sampler });
                 if let Some(name) = image.extension {
                     self.used.insert(name);
@@ -189,12 +199,20 @@ impl Writer<'_> {
         Some(info)
     }
 
-    fn sampler(&mut self, b: &BitmapDesc) -> usize {
+    fn sampler(&mut self, b: &BitmapDesc, span: Span) -> usize {
+        let mut black = false;
         let wrap = b.wrap.map(|w| match w {
             Wrap::Repeat => 10497,
             Wrap::Clamp => 33071,
             Wrap::Mirror => 33648,
+            Wrap::Black => {
+                black = true;
+                33071
+            }
         });
+        if black {
+            self.loss(span, "texture that is black beyond its edge", "the edge goes on");
+        }
         let (mag, min) = match b.filter {
             TextureFilter::Nearest => (9728, 9728),
             TextureFilter::Bilinear => (9729, 9729),

@@ -41,6 +41,10 @@ impl Writer<'_> {
                     Wrap::Repeat => {}
                     Wrap::Mirror => self.xml.value("string", "wrap_mode", "mirror"),
                     Wrap::Clamp => self.xml.value("string", "wrap_mode", "clamp"),
+                    Wrap::Black => {
+                        self.lose(span, "texture that is black beyond its edge", "the edge goes on");
+                        self.xml.value("string", "wrap_mode", "clamp");
+                    }
                 }
                 if bitmap.wrap[1] != bitmap.wrap[0] {
                     self.lose(span, "texture wrapped differently in v", "wrapped as in u");
@@ -75,7 +79,21 @@ impl Writer<'_> {
             TextureDesc::Mix { a, b, .. } => return self.stand_in(span, &id, &[*a, *b], "mix of textures"),
             TextureDesc::Affine { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "scaled texture"),
             TextureDesc::Power { texture, .. } => return self.stand_in(span, &id, &[Param::Texture(*texture)], "power of a texture"),
+            TextureDesc::Projected { texture, .. } => {
+                return self.stand_in(span, &id, &[Param::Texture(*texture)], "projected texture");
+            }
+            TextureDesc::Solid { pattern, .. } => return self.mean(span, &id, pattern.mean(), "pattern of a texture"),
+            TextureDesc::Facing { .. } => return self.mean(span, &id, [0.5; 3], "texture by direction"),
         }
+        self.xml.close();
+        Ok(())
+    }
+
+    fn mean(&mut self, span: Span, id: &str, value: [f32; 3], feature: &str) -> io::Result<()> {
+        self.lose(span, feature, "its mean");
+        self.xml.open("texture", "srgb", id);
+        // Mitsuba refuses what no surface reflects.
+        self.xml.triple("rgb", "color", value.map(|v| v.clamp(0.0, 1.0)));
         self.xml.close();
         Ok(())
     }

@@ -12,15 +12,23 @@ impl Writer<'_> {
     pub(super) fn texture(&mut self, i: usize) -> io::Result<()> {
         let node = &self.desc.textures[i];
         let span = node.span;
-        for (prefix, kind) in [("c", "spectrum"), ("f", "float")] {
+        let (projected, texture) = self.projected(&node.value, span);
+        // Patterns are floats in pbrt, of which colors are mixed.
+        let kinds = [("f", "float"), ("c", "spectrum")];
+        for (prefix, kind) in kinds {
             let float = prefix == "f";
+            let space = self.texture_space(texture, projected, span);
+            if let Some(world_from_pattern) = space {
+                self.line("AttributeBegin");
+                self.transform("Transform", world_from_pattern);
+            }
             let _ = write!(self.text, "Texture \"{prefix}{i}\" \"{kind}\"");
             let value = |w: &mut Self, name: &str, c: Color| match (c, float) {
                 (Param::Constant([r, g, b]), true) => w.float(name, 0.2126 * r + 0.7152 * g + 0.0722 * b),
                 (Param::Constant(c), false) => w.rgb(name, c),
                 (Param::Texture(id), _) => w.texture_ref(name, prefix, id),
             };
-            match &node.value {
+            match texture {
                 TextureDesc::Constant { value: c } => {
                     self.text.push_str(" \"constant\"");
                     value(self, "value", Param::Constant(*c));
@@ -32,6 +40,7 @@ impl Writer<'_> {
                     let wrap = match bitmap.wrap[0] {
                         Wrap::Repeat => "repeat",
                         Wrap::Clamp => "clamp",
+                        Wrap::Black => "black",
                         Wrap::Mirror => {
                             self.lose(span, "mirrored texture", "repeated");
                             "repeat"
@@ -49,7 +58,7 @@ impl Writer<'_> {
                         Encoding::Linear => self.string("encoding", "linear"),
                         Encoding::Srgb => self.string("encoding", "sRGB"),
                     }
-                    self.mapping(bitmap.picture_from_uv, 1.0, span);
+                    self.mapping(bitmap.picture_from_uv, 1.0, projected, span);
                     if bitmap.uv_set != 0 {
                         self.lose(span, "second set of texture coordinates", "the first");
                     }
@@ -58,7 +67,7 @@ impl Writer<'_> {
                     self.text.push_str(" \"checkerboard\"");
                     value(self, "tex1", *color0);
                     value(self, "tex2", *color1);
-                    self.mapping(*pattern_from_uv, 2.0, span);
+                    self.mapping(*pattern_from_uv, 2.0, projected, span);
                 }
                 TextureDesc::Multiply { a, b } => {
                     self.text.push_str(" \"scale\"");
@@ -81,6 +90,12 @@ impl Writer<'_> {
                     value(self, "tex2", *b);
                     self.scalar("amount", *weight);
                 }
+                // Reflectances are limited by pbrt itself.
+                TextureDesc::Affine { texture, scale, offset: 0.0, .. } => {
+                    self.text.push_str(" \"scale\"");
+                    self.texture_ref("tex", prefix, *texture);
+                    self.float("scale", *scale);
+                }
                 TextureDesc::Affine { texture, scale, offset, .. } => {
                     // scale · t + offset = (1 − amount) · offset + amount · (offset + scale), amount = t.
                     self.text.push_str(" \"mix\"");
@@ -101,26 +116,29 @@ impl Writer<'_> {
                     self.text.push_str(" \"constant\"");
                     value(self, "value", Color::gray(0.5));
                 }
+                TextureDesc::Projected { texture, .. } => {
+                    self.lose(span, "projection of this texture", "texture coordinates");
+                    self.text.push_str(" \"scale\"");
+                    self.texture_ref("tex", prefix, *texture);
+                }
+                TextureDesc::Solid { pattern, space } => self.pattern(i, float, pattern, *space, projected, span),
+                TextureDesc::Facing { direction: d } => match float {
+                    true => {
+                        let _ = write!(
+                            self.text,
+                            " \"directionmix\" \"vector3 dir\" [{} {} {}] \"float tex1\" 1 \"float tex2\" 0",
+                            d.x, d.y, d.z
+                        );
+                    }
+                    false => self.mixed(i),
+                },
             }
             self.text.push('\n');
-        }
-        Ok(())
-    }
-
-    fn mapping(&mut self, m: glam::Mat3, factor: f32, span: Span) {
-        if m.x_axis.y != 0.0 || m.y_axis.x != 0.0 {
-            self.lose(span, "turned texture", "not turned");
-        }
-        for (name, v, default) in [
-            ("uscale", m.x_axis.x * factor, 1.0),
-            ("vscale", m.y_axis.y * factor, 1.0),
-            ("udelta", m.z_axis.x * factor, 0.0),
-            ("vdelta", m.z_axis.y * factor, 0.0),
-        ] {
-            if v != default {
-                self.float(name, v);
+            if space.is_some() {
+                self.line("AttributeEnd");
             }
         }
+        Ok(())
     }
 
     /// The number of the named material for a model: opaque ones are two-sided in pbrt without a word.

@@ -1,5 +1,6 @@
 //! Description → pbrt-v4 text, with PLY meshes and pictures beside it.
 
+mod mapping;
 mod materials;
 mod media;
 mod world;
