@@ -51,6 +51,7 @@ fn light(light: &LightDesc) -> &'static str {
     match light {
         LightDesc::Point { .. } => "point",
         LightDesc::Spot { .. } => "spot",
+        LightDesc::Picture { .. } => "picture",
         LightDesc::Directional { .. } => "directional",
         LightDesc::Constant { .. } => "constant",
         LightDesc::Environment { .. } => "environment",

@@ -3,14 +3,14 @@
 #![allow(clippy::unwrap_used)]
 
 use etendue_render::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightContext, PointLight, Rows, SceneSphere,
-    SpotLight, SunLight,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightContext, PictureLight, PointLight, Rows,
+    SceneSphere, SpotLight, SunLight,
 };
 use etendue_render::math::hash::{mix32, unit_float};
 use etendue_render::math::{INV_4PI, INV_TAU, Mat4, PI, TAU, Vec2, Vec3, fns, warp};
 use etendue_render::shape::{Disk, Shape, Sphere};
 use etendue_render::spectrum::Spectrum;
-use etendue_scene::desc::SpotFalloff;
+use etendue_scene::desc::{PictureMapping, SpotFalloff};
 use glam::{EulerRot, Quat};
 
 const SCENE: SceneSphere = SceneSphere { center: Vec3::new(1.0, 2.0, 3.0), radius: 5.0, endless: false };
@@ -45,6 +45,12 @@ fn area(geometry: AreaGeometry, two_sided: bool, flip_normals: bool) -> Light {
     Light::Area(AreaLight { geometry, radiance, emission_id: 0, textured: false, two_sided, flip_normals })
 }
 
+fn picture_light(width: usize, height: usize, mapping: PictureMapping) -> Light {
+    // Mirrored, turned and moved.
+    let m = Mat4::from_translation(Vec3::ONE) * turned() * Mat4::from_scale(Vec3::new(2.0, -2.0, 2.0));
+    Light::Picture(Box::new(PictureLight::new((width, height), &picture(width, height), [1.0, 0.5, 2.0], None, m, mapping).unwrap()))
+}
+
 fn lights() -> Vec<(&'static str, Light)> {
     let corners = [Vec3::new(-0.8, 0.1, 0.2), Vec3::new(0.9, -0.3, 0.5), Vec3::new(0.1, 0.7, -0.6)];
     let shape = |s| AreaGeometry::Shape(Box::new(s));
@@ -61,6 +67,8 @@ fn lights() -> Vec<(&'static str, Light)> {
         ("linear spot", spot(SpotFalloff::Linear)),
         ("squared spot", spot(SpotFalloff::CosineSquared)),
         ("smooth spot", spot(SpotFalloff::Smoothstep)),
+        ("goniometric", picture_light(12, 12, PictureMapping::EqualAreaSquare)),
+        ("projection", picture_light(9, 6, PictureMapping::Perspective { fov_rad: 1.3 })),
         ("directional", Light::Directional(DirectionalLight::new(Vec3::new(1.0, -2.0, 3.0), [1.0, 2.0, 0.5]).unwrap())),
         ("sun", Light::Sun(SunLight::new(Vec3::new(1.0, -2.0, 3.0), [1.0, 2.0, 0.5], 0.004_65).unwrap())),
         ("wide sun", Light::Sun(SunLight::new(Vec3::Y, [1.0, 2.0, 0.5], 1.2).unwrap())),
@@ -102,6 +110,45 @@ fn emitted_rays_carry_the_power() {
         let estimate = Spectrum::from_rgb(sum.map(|v| (v / f64::from(n)) as f32));
         assert_close(name, estimate, light.power(&SCENE), 0.01);
     }
+}
+
+/// The density that connections ask for is that of the rays that leave, and the intensity that shadow rays see is theirs, but for rays
+/// on the
+/// edge of a pixel.
+#[test]
+fn pictures_know_their_own_rays() {
+    for mapping in [PictureMapping::EqualAreaSquare, PictureMapping::Perspective { fov_rad: 1.3 }] {
+        let Light::Picture(light) = picture_light(12, 12, mapping) else { continue };
+        let (count, mut off) = (20_000, 0);
+        for i in 0..count {
+            let Some(s) = light.emit(&SCENE, Vec2::ZERO, rnd2(i)) else { continue };
+            let same = (light.pdf_emit(s.d) / s.pdf_direction - 1.0).abs() < 1e-3 && light.intensity(s.d) == s.radiance;
+            off += u32::from(!same);
+        }
+        assert!(off < count / 1000, "{mapping:?}: {off}");
+        // All densities together are one.
+        let n = 400_000;
+        let mean = (0..n).map(|i| f64::from(light.pdf_emit(warp::uniform_sphere(rnd2(i))))).sum::<f64>() / f64::from(n);
+        assert!((mean * 4.0 * std::f64::consts::PI - 1.0).abs() < 0.15, "{mapping:?}: {mean}");
+    }
+}
+
+/// Pixels of a window lie as who looks along the light sees them, and beside it is dark.
+#[test]
+fn windows_are_upright() {
+    let texels: Vec<[f32; 3]> = (1..7).map(|v| [v as f32; 3]).collect();
+    let mapping = PictureMapping::Perspective { fov_rad: 0.5 * PI };
+    let light = PictureLight::new((3, 2), &texels, [1.0; 3], None, Mat4::IDENTITY, mapping).unwrap();
+    // The window is 3 by 2 at distance 1.
+    let at = |x: f32, y: f32, z: f32| light.intensity(Vec3::new(x, y, z).normalize())[0];
+    assert_eq!([at(-1.0, 0.5, 1.0), at(0.0, 0.5, 1.0), at(1.4, 0.9, 1.0)], [1.0, 2.0, 3.0]);
+    assert_eq!([at(-1.4, -0.9, 1.0), at(0.0, -0.5, 1.0), at(1.0, -0.5, 1.0)], [4.0, 5.0, 6.0]);
+    assert_eq!([at(1.6, 0.0, 1.0), at(0.0, 1.1, 1.0), at(0.0, 0.0, -1.0)], [0.0; 3]);
+    // The middle of maps of equal areas is +z, +x is to the right of it, +y below.
+    let texels: Vec<[f32; 3]> = (0..16).map(|v| [v as f32; 3]).collect();
+    let light = PictureLight::new((4, 4), &texels, [1.0; 3], None, Mat4::IDENTITY, PictureMapping::EqualAreaSquare).unwrap();
+    let at = |x: f32, y: f32, z: f32| light.intensity(Vec3::new(x, y, z).normalize())[0];
+    assert_eq!([at(0.1, 0.1, 1.0), at(-0.1, 0.1, 1.0), at(0.1, -0.1, 1.0), at(0.1, 0.1, -1.0)], [10.0, 9.0, 6.0, 15.0]);
 }
 
 /// Samples lie on their light, and `pdf_hit` and `pdf_escaped` are the densities that `sample` states.
@@ -282,6 +329,12 @@ fn hostile_input_makes_no_light() {
     assert!(DirectionalLight::new(Vec3::ZERO, [1.0; 3]).is_none() && DirectionalLight::new(Vec3::NAN, [1.0; 3]).is_none());
     assert!(SunLight::new(Vec3::Z, [1.0; 3], 0.0).is_none() && SunLight::new(Vec3::Z, [f32::NAN; 3], 0.1).is_none());
     assert!(SpotLight::new(Mat4::ZERO, [1.0; 3], 0.1, 0.2, SpotFalloff::Linear).is_none());
+    let lit = |texels: &[[f32; 3]], m, mapping| PictureLight::new((2, 1), texels, [1.0; 3], None, m, mapping);
+    let window = PictureMapping::Perspective { fov_rad: 1.0 };
+    assert!(lit(&[[1.0; 3]; 2], singular, window).is_none() && lit(&[[1.0; 3]; 3], Mat4::IDENTITY, window).is_none());
+    assert!(lit(&[[1.0; 3]; 2], Mat4::IDENTITY, PictureMapping::EqualAreaSquare).is_none(), "no square");
+    let dark = lit(&[[f32::NAN, -1.0, f32::INFINITY]; 2], Mat4::IDENTITY, window).unwrap();
+    assert!(dark.power(&SCENE).is_black() && dark.emit(&SCENE, Vec2::ZERO, Vec2::splat(0.5)).is_none());
     // Bad texels are black, one texel is a constant picture, and a black picture gives nothing.
     let bad =
         EnvironmentLight::new((2, 1), vec![[f32::NAN, -1.0, f32::INFINITY], [1.0; 3]], [1.0; 3], Mat4::IDENTITY, Rows::Centered).unwrap();

@@ -24,7 +24,8 @@ fn folder(name: &str) -> PathBuf {
 
 /// A sphere of radius 1 at the origin, and a square at z = 10 with texture coordinates from 0 to 1 along x and y from −1 to 1.
 const SHAPES: &str = "Shape \"sphere\" \"float radius\" 1\n\
-    Shape \"trianglemesh\" \"point3 P\" [-1 -1 10 1 -1 10 1 1 10 -1 1 10] \"point2 uv\" [0 0 1 0 1 1 0 1] \"integer indices\" [0 1 2 0 2 3]\n";
+    Shape \"trianglemesh\" \"point3 P\" [-1 -1 10 1 -1 10 1 1 10 -1 1 10] \"point2 uv\" [0 0 1 0 1 1 0 1] \
+        \"integer indices\" [0 1 2 0 2 3]\n";
 
 /// The scene whose shapes reflect by the texture `t` of a text.
 fn textured(folder: &Path, texture: &str) -> SceneDesc {
@@ -96,7 +97,8 @@ fn moved() -> Mat4 {
 /// A float texture as the amount between black and white.
 fn amount(texture: &str) -> String {
     format!(
-        "{MOVED} Texture \"n\" \"float\" {texture} Texture \"t\" \"spectrum\" \"mix\" \"rgb tex1\" [0 0 0] \"rgb tex2\" [1 1 1] \"texture amount\" \"n\""
+        "{MOVED} Texture \"n\" \"float\" {texture} Texture \"t\" \"spectrum\" \"mix\" \"rgb tex1\" [0 0 0] \"rgb tex2\" [1 1 1] \
+        \"texture amount\" \"n\""
     )
 }
 
@@ -123,7 +125,8 @@ fn cubes_alternate_in_space_and_dots_over_texture_coordinates() {
         let cell = moved().transform_point3(p).floor();
         Some(if (cell.x + cell.y + cell.z).rem_euclid(2.0) == 0.0 { [0.1, 0.2, 0.3] } else { [0.7, 0.8, 0.9] })
     });
-    let dots = "Texture \"t\" \"spectrum\" \"dots\" \"float uscale\" 6 \"float vscale\" 5 \"rgb inside\" [0.1 0.2 0.3] \"rgb outside\" [0.7 0.8 0.9]";
+    let dots = "Texture \"t\" \"spectrum\" \"dots\" \"float uscale\" 6 \"float vscale\" 5 \"rgb inside\" [0.1 0.2 0.3] \
+        \"rgb outside\" [0.7 0.8 0.9]";
     check("dots", dots, |_, uv| {
         let st = uv? * Vec2::new(6.0, 5.0);
         Some(if SolidPattern::Dots.color(st.extend(0.0))[0] > 0.5 { [0.1, 0.2, 0.3] } else { [0.7, 0.8, 0.9] })
@@ -145,7 +148,8 @@ fn bilerp_is_linear_between_its_corners_and_beyond() {
 
 #[test]
 fn direction_mixes_follow_the_normal() {
-    let texture = "Rotate 90 1 0 0 Texture \"t\" \"spectrum\" \"directionmix\" \"rgb tex1\" [0.9 0.5 0.1] \"rgb tex2\" [0.1 0.2 0.3] \"vector3 dir\" [0 2 0]";
+    let texture = "Rotate 90 1 0 0 Texture \"t\" \"spectrum\" \"directionmix\" \"rgb tex1\" [0.9 0.5 0.1] \"rgb tex2\" [0.1 0.2 0.3] \
+        \"vector3 dir\" [0 2 0]";
     // A quarter turn about x takes y to z.
     check("direction", texture, |p, uv| {
         let cos = if uv.is_some() { 1.0 } else { p.z.abs() };
@@ -168,7 +172,8 @@ fn projections_give_the_coordinates() {
     });
     // Angles of spheres lie in one square: the corners of a `bilerp` show them.
     let sphere = format!(
-        "{MOVED} Texture \"t\" \"spectrum\" \"bilerp\" \"string mapping\" \"spherical\" \"rgb v10\" [1 0 0] \"rgb v01\" [0 1 0] \"rgb v11\" [1 1 0]"
+        "{MOVED} Texture \"t\" \"spectrum\" \"bilerp\" \"string mapping\" \"spherical\" \"rgb v10\" [1 0 0] \"rgb v01\" [0 1 0] \
+        \"rgb v11\" [1 1 0]"
     );
     check("spherical", &sphere, |p, _| {
         let q = moved().transform_point3(p).normalize();
@@ -179,7 +184,8 @@ fn projections_give_the_coordinates() {
 /// A picture of 2 × 2 pixels, 0.6 and 0.8 above 0.2 and 0.4, on the plane x, y of the world: its four pixels, and black around them.
 #[test]
 fn projected_pictures_may_end_in_black() {
-    let texture = "Translate -0.5 -0.5 0 Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"gray.pgm\" \"string encoding\" \"linear\" \"string mapping\" \"planar\" \
+    let texture = "Translate -0.5 -0.5 0 Texture \"t\" \"spectrum\" \"imagemap\" \"string filename\" \"gray.pgm\" \"string encoding\" \
+        \"linear\" \"string mapping\" \"planar\" \
         \"string wrap\" \"black\" \"string filter\" \"point\"";
     check("black", texture, |p, _| {
         let inside = p.x.abs() < 0.5 && p.y.abs() < 0.5;

@@ -5,7 +5,7 @@ use glam::{Mat3, Mat4};
 
 use crate::desc::{
     BsdfDesc, Color, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PatternSpace, PhaseDesc,
-    ProjectionDesc, Scalar, SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
+    PictureMapping, ProjectionDesc, Scalar, SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
 };
 use crate::report::{ReadError, Report};
 use crate::span::{FileId, Span};
@@ -360,6 +360,19 @@ impl Checker<'_> {
                     }
                     if let Some(id) = texture {
                         self.texture(span, *id);
+                    }
+                }
+                LightDesc::Picture { world_from_light, intensity, power, image, mapping } => {
+                    self.transform(span, *world_from_light);
+                    self.finite(span, intensity, "a light's intensity");
+                    self.id(span, image.0, desc.images.len(), "image");
+                    if power.is_some_and(|w| !(w > 0.0 && w.is_finite())) {
+                        self.report.error(span, "a light's power must be positive and finite");
+                    }
+                    if let PictureMapping::Perspective { fov_rad } = mapping
+                        && !(*fov_rad > 0.0 && *fov_rad < std::f32::consts::PI)
+                    {
+                        self.report.error(span, "a projector's angle must lie between 0 and 180 degrees");
                     }
                 }
                 LightDesc::Directional { direction, irradiance } => {

@@ -218,6 +218,42 @@ fn textures_chain() {
 }
 
 #[test]
+fn lights_by_pictures_lie_in_the_spaces_of_their_formats() {
+    let folder = TempFolder::new("pbrt-light-pictures");
+    folder.put("a.png", "not looked into");
+    let path = folder.put(
+        "scene.pbrt",
+        "WorldBegin Translate 1 2 3 LightSource \"goniometric\" \"string filename\" \"a.png\" \"rgb I\" [1 2 3] \"float scale\" 2\n\
+         LightSource \"projection\" \"string filename\" \"a.png\" \"float fov\" 60 \"float power\" 5",
+    );
+    let check = |desc: &SceneDesc| {
+        assert!(desc.report.losses.is_empty(), "{:?}", desc.report.losses);
+        let LightDesc::Picture { world_from_light, intensity, power: None, mapping: PictureMapping::EqualAreaSquare, .. } =
+            desc.lights[0].value
+        else {
+            panic!()
+        };
+        assert_eq!((intensity, world_from_light.transform_point3(Vec3::ZERO)), ([2.0, 4.0, 6.0], Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(world_from_light.transform_vector3(Vec3::Z), Vec3::Y, "the map's middle");
+        let LightDesc::Picture { world_from_light, intensity, power, mapping: PictureMapping::Perspective { fov_rad }, .. } =
+            desc.lights[1].value
+        else {
+            panic!()
+        };
+        assert_eq!((intensity, power, world_from_light.transform_vector3(Vec3::Z)), ([1.0; 3], Some(5.0), Vec3::Z));
+        assert!((fov_rad.to_degrees() - 60.0).abs() < 1e-4);
+    };
+    let desc = read(&path, &ReadOptions::default()).unwrap();
+    check(&desc);
+    let out = folder.path().join("written.pbrt");
+    assert!(pbrt::write(&desc, &out).unwrap().losses.is_empty());
+    check(&read(&out, &ReadOptions::default()).unwrap());
+    let light = |t: &str| faults(&format!("WorldBegin LightSource \"projection\" {t}"));
+    assert!(light("")[0].contains("needs a `filename`"));
+    assert!(light("\"string filename\" \"none.png\" \"float fov\" 180")[0].contains("between 0 and 180 degrees, not 180"));
+}
+
+#[test]
 fn hostile_textures_are_refused_or_limited() {
     let texture = |t: &str| faults(&format!("WorldBegin Texture \"t\" {t}"));
     assert!(texture("\"spectrum\" \"fbm\"")[0].contains("a texture of floats"));
@@ -297,11 +333,11 @@ fn unknown_parameters_are_told() {
 #[test]
 fn what_cannot_be_rendered_is_in_the_loss_report() {
     let desc = world(
-        "Material \"hair\" Shape \"sphere\" Texture \"t\" \"float\" \"fbm\"\n\
+        "Material \"hair\" Shape \"sphere\" Texture \"t\" \"float\" \"ptex\"\n\
          ActiveTransform EndTime Translate 1 0 0 ActiveTransform All Shape \"sphere\"",
     );
     let features: Vec<&str> = desc.report.losses.iter().map(|l| l.feature.as_str()).collect();
-    assert_eq!(features, ["Material \"hair\"", "Texture \"fbm\"", "moving transform"]);
+    assert_eq!(features, ["Material \"hair\"", "Texture \"ptex\"", "moving transform"]);
 }
 
 #[test]

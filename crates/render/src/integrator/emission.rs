@@ -173,7 +173,7 @@ impl EmissionSampler {
     pub fn pdf_position(&self, scene: &Scene, light: u32, p: Vec3, d: Vec3) -> f32 {
         match &scene.lights[light as usize] {
             Light::Area(area) => area.pdf_area(p) * if area.two_sided { 0.5 } else { 1.0 },
-            Light::Point(_) | Light::Spot(_) => 1.0,
+            Light::Point(_) | Light::Spot(_) | Light::Picture(_) => 1.0,
             Light::Directional(_) | Light::Sun(_) | Light::Constant(_) | Light::Environment(_) => {
                 let from = p - self.sphere.center;
                 self.sphere.pdf_across((from - d * from.dot(d)).length_squared())
@@ -191,6 +191,7 @@ impl EmissionSampler {
             }
             Light::Point(_) => warp::UNIFORM_SPHERE_PDF,
             Light::Spot(spot) => spot.pdf_emit(d),
+            Light::Picture(picture) => picture.pdf_emit(d),
             Light::Directional(_) => 1.0,
             other => other.pdf_escaped(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, -d),
         }

@@ -25,6 +25,19 @@ pub fn square_from_direction(d: Vec3) -> Vec2 {
     Vec2::new(u.copysign(d.x), v.copysign(d.y)) * 0.5 + 0.5
 }
 
+/// The unit direction for a point of the unit square: the inverse of [`square_from_direction`].
+pub fn direction_from_square(p: Vec2) -> Vec3 {
+    let q = 2.0 * p - 1.0;
+    let (u, v) = (q.x.abs(), q.y.abs());
+    // Beyond the diagonal lies the lower half.
+    let inside = 1.0 - (u + v);
+    let r = 1.0 - inside.abs();
+    let phi = if r > 0.0 { ((v - u) / r + 1.0) * (0.25 * PI) } else { 0.0 };
+    let (sin, cos) = fns::sin_cos(phi);
+    let across = r * fns::safe_sqrt(2.0 - r * r);
+    Vec3::new((cos * across).copysign(q.x), (sin * across).copysign(q.y), (1.0 - r * r).copysign(inside))
+}
+
 /// The same light in latitude and longitude, of the same resolution at the equator's scale: width and height, and the texels. `n`² texels are given.
 pub(crate) fn to_equirectangular(n: usize, texels: &[[f32; 3]]) -> ((usize, usize), Vec<[f32; 3]>) {
     // A sphere of 4π over n² pixels has 2n pixels round the equator at this height.
@@ -89,6 +102,16 @@ mod tests {
         ] {
             let q = square_from_direction(d);
             assert!((q - Vec2::from(p)).length() < 1e-6, "{d}: {q}");
+        }
+    }
+
+    #[test]
+    fn directions_come_back() {
+        for i in 0..10_000 {
+            let u = Vec2::new((i as f32 + 0.5) / 10_000.0, (f64::from(i) * 0.618_033_988_749_894_8).fract() as f32);
+            let d = crate::math::warp::uniform_sphere(u);
+            let back = direction_from_square(square_from_direction(d));
+            assert!((back - d).length() < 2e-3 && (back.length() - 1.0).abs() < 1e-5, "{d} {back}");
         }
     }
 

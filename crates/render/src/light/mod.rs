@@ -23,6 +23,7 @@ pub mod constant;
 pub mod directional;
 pub mod environment;
 pub mod equal_area;
+pub mod picture;
 pub mod point;
 pub mod sampler;
 pub mod spot;
@@ -35,6 +36,7 @@ pub(crate) use bounds::strength;
 pub use constant::ConstantLight;
 pub use directional::{DirectionalLight, SunLight};
 pub use environment::{EnvironmentLight, Rows};
+pub use picture::PictureLight;
 pub use point::PointLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;
@@ -183,6 +185,8 @@ lights! {
     Point(PointLight),
     /// A point with a cone.
     Spot(SpotLight),
+    /// A point with a picture over directions.
+    Picture(Box<PictureLight>),
     /// One direction.
     Directional(DirectionalLight),
     /// The sun's disk.
@@ -263,7 +267,7 @@ impl Light {
     /// Whether no ray can meet the light by chance.
     #[inline]
     pub fn is_delta(&self) -> bool {
-        matches!(self, Self::Point(_) | Self::Spot(_) | Self::Directional(_))
+        matches!(self, Self::Point(_) | Self::Spot(_) | Self::Picture(_) | Self::Directional(_))
     }
 
     /// Where a finite light is and where it shines; `None` for infinite lights and those that give nothing.
@@ -272,6 +276,7 @@ impl Light {
             Self::Area(l) => l.bounds(),
             Self::Point(l) => l.bounds(),
             Self::Spot(l) => l.bounds(),
+            Self::Picture(l) => l.bounds(),
             _ => return None,
         };
         (bounds.phi > 0.0 && bounds.bounds.min.is_finite() && bounds.bounds.max.is_finite()).then_some(bounds)

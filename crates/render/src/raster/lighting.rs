@@ -218,7 +218,7 @@ impl Lighting {
                 let sample = LightSample { wi: n, dist: 0.0, p: s.p, n, uv: s.uv, radiance: l.radiance, pdf: s.pdf, delta: false };
                 Some((sample, s.pdf, Place::Point(s.p)))
             }
-            Light::Point(_) | Light::Spot(_) => {
+            Light::Point(_) | Light::Spot(_) | Light::Picture(_) => {
                 let group = &self.groups[*self.group_of_light.get(&light)?];
                 let sample = LightSample {
                     wi: Vec3::Z,
@@ -349,7 +349,7 @@ impl Lighting {
                     let radiance = if emits { scene.light_radiance(pass.light, &sample) } else { Spectrum::ZERO };
                     (wi, radiance * (sample.n.dot(wi).abs() / (dist2 * pass.pdf)))
                 }
-                Light::Point(_) | Light::Spot(_) => match light.sample(&ctx, Vec2::ZERO) {
+                Light::Point(_) | Light::Spot(_) | Light::Picture(_) => match light.sample(&ctx, Vec2::ZERO) {
                     Some(sample) => (sample.wi, sample.radiance * (1.0 / pass.pdf)),
                     None => continue,
                 },

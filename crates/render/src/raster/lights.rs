@@ -90,6 +90,11 @@ pub fn light_groups(scene: &Scene) -> Vec<LightGroup> {
                 let outer = fns::acos(b.cos_o) + fns::acos(b.cos_e);
                 groups.push(single(index, Place::Spot(b.bounds.min, b.axis, outer)));
             }
+            Light::Picture(l) => {
+                let b = l.bounds();
+                let place = if b.cos_o > 0.0 { Place::Spot(b.bounds.min, b.axis, fns::acos(b.cos_o)) } else { Place::Point(b.bounds.min) };
+                groups.push(single(index, place));
+            }
             Light::Directional(_) | Light::Sun(_) => {
                 // The middle of the sun's disk is its sample at zero; its density tells the disk's size.
                 let Some(s) = light.sample(&ctx, Vec2::ZERO) else { continue };

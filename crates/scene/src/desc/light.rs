@@ -31,6 +31,19 @@ pub enum EnvironmentMapping {
     EqualAreaSquare,
 }
 
+/// How the directions of a light lie in its picture. In its own space, +x is to the right of who looks along +z, +y is up.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum PictureMapping {
+    /// All directions in a square with the same solid angle for each pixel, +z in the middle, +y towards the last row (Clarberg 2008,
+    /// doi:10.1080/2151237X.2008.10129263). What counts is the mean of a pixel's colors.
+    EqualAreaSquare,
+    /// Through a window: along +z in the middle, +y towards the first row, dark beside the picture.
+    Perspective {
+        /// Angle across the shorter edge.
+        fov_rad: f32,
+    },
+}
+
 /// A light.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum LightDesc {
@@ -55,6 +68,19 @@ pub enum LightDesc {
         falloff: SpotFalloff,
         /// A picture projected through the cone.
         texture: Option<TextureId>,
+    },
+    /// A point whose intensity is a picture over directions; each pixel is one intensity.
+    Picture {
+        /// Places it. Scales do not count, mirrors do.
+        world_from_light: Mat4,
+        /// Factor on the picture's linear values, W/sr.
+        intensity: [f32; 3],
+        /// Luminance of its whole power, W, which decides how bright it is instead.
+        power: Option<f32>,
+        /// The picture.
+        image: ImageId,
+        /// How directions lie in it.
+        mapping: PictureMapping,
     },
     /// From infinitely far away.
     Directional {
@@ -81,6 +107,28 @@ pub enum LightDesc {
     },
     /// Sky and sun by a physical model.
     SunSky(Box<SunSkyDesc>),
+}
+
+impl LightDesc {
+    /// What is left of a light by a picture without the picture, for formats that lack it: a point, or a cone as wide as the window is
+    /// high.
+    pub fn without_picture(&self) -> Self {
+        let Self::Picture { world_from_light, intensity, mapping, .. } = self else { return self.clone() };
+        match *mapping {
+            PictureMapping::EqualAreaSquare => {
+                Self::Point { position: world_from_light.transform_point3(Vec3::ZERO), intensity: *intensity }
+            }
+            PictureMapping::Perspective { fov_rad } => Self::Spot {
+                // Spots shine along −z.
+                world_from_light: *world_from_light * Mat4::from_rotation_y(std::f32::consts::PI),
+                intensity: *intensity,
+                outer_rad: 0.5 * fov_rad,
+                inner_rad: 0.5 * fov_rad,
+                falloff: SpotFalloff::Linear,
+                texture: None,
+            },
+        }
+    }
 }
 
 /// Sky and sun. The model's own space has +z to the zenith.

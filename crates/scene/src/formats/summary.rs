@@ -112,6 +112,7 @@ impl Summary {
         let lights = desc.lights.iter().map(|l| match l.value {
             LightDesc::Point { .. } => "point",
             LightDesc::Spot { .. } => "spot",
+            LightDesc::Picture { .. } => "picture",
             LightDesc::Directional { .. } => "directional",
             LightDesc::Constant { .. } => "constant",
             LightDesc::Environment { .. } => "environment",

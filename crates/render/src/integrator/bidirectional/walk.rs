@@ -517,7 +517,7 @@ impl Vertex {
 pub fn light_density(light: &Light, ctx: &LightContext, p: Vec3, n: Vec3, w: Vec3) -> f32 {
     match light {
         Light::Area(area) => area.pdf(ctx, p, n),
-        Light::Point(_) | Light::Spot(_) | Light::Directional(_) => 1.0,
+        Light::Point(_) | Light::Spot(_) | Light::Picture(_) | Light::Directional(_) => 1.0,
         infinite => infinite.pdf_escaped(ctx, w),
     }
 }

@@ -450,7 +450,7 @@ impl Source {
 /// How large a light is; `None` where no chains are looked for to it.
 fn size(scene: &Scene, light: usize, casters: &Casters) -> Option<Size> {
     match &scene.lights[light] {
-        Light::Point(_) | Light::Spot(_) | Light::Directional(_) | Light::Sun(_) => Some(Size::Small),
+        Light::Point(_) | Light::Spot(_) | Light::Picture(_) | Light::Directional(_) | Light::Sun(_) => Some(Size::Small),
         Light::Constant(_) | Light::Environment(_) => None,
         Light::Area(area) => {
             let source = scene.light_sources.get(area.emission_id as usize)?;

@@ -2,12 +2,12 @@
 
 use std::collections::HashMap;
 
-use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, SceneDesc};
+use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, PictureMapping, SceneDesc};
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PointLight, Rows,
-    SpotLight, equal_area,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PictureLight,
+    PointLight, Rows, SpotLight, equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -125,6 +125,19 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
         }
         LightDesc::Spot { world_from_light, intensity, outer_rad, inner_rad, falloff, .. } => {
             vec![Light::Spot(SpotLight::new(*world_from_light, *intensity, *inner_rad, *outer_rad, *falloff).ok_or_else(nothing)?)]
+        }
+        LightDesc::Picture { world_from_light, intensity, power, image, mapping } => {
+            let texels = texture::decode(desc, *image, Encoding::Auto)?;
+            let size = (texels.width as usize, texels.height as usize);
+            let all_round = *mapping == PictureMapping::EqualAreaSquare;
+            if all_round && size.0 != size.1 {
+                return Err(format!("a light's map of equal areas must be square, not {}×{}", size.0, size.1));
+            }
+            let pixels = (0..texels.height).flat_map(|y| (0..texels.width).map(move |x| (x, y)));
+            let rgb = pixels.map(|(x, y)| texels.get(x, y));
+            let rgb: Vec<[f32; 3]> = rgb.map(|[r, g, b, _]| if all_round { [(r + g + b) / 3.0; 3] } else { [r, g, b] }).collect();
+            let light = PictureLight::new(size, &rgb, *intensity, *power, *world_from_light, *mapping).ok_or_else(nothing)?;
+            vec![Light::Picture(Box::new(light))]
         }
         LightDesc::Directional { direction, irradiance } => {
             vec![Light::Directional(DirectionalLight::new(*direction, *irradiance).ok_or_else(nothing)?)]

@@ -1,14 +1,12 @@
 //! Lights that are no shapes.
 
-use glam::{DMat4, DVec3, Mat4, Vec3};
+use glam::{DMat4, DVec3, DVec4, Mat4, Vec3};
 
 use super::Reader;
 use super::angles::sin_cos;
 use super::params::Params;
 use super::spectrum::SpectrumKind;
-use crate::desc::{
-    AddNode, BitmapDesc, Channel, Encoding, EnvironmentMapping, LightDesc, Node, SpotFalloff, TextureDesc, TextureFilter, Wrap,
-};
+use crate::desc::{AddNode, EnvironmentMapping, LightDesc, Node, PictureMapping, SpotFalloff};
 
 impl Reader {
     /// `LightSource`
@@ -26,16 +24,28 @@ impl Reader {
             r.loss(p.span, "portal of an infinite light", "ignored");
         }
         let light = match name {
-            "point" | "goniometric" => {
-                if name == "goniometric" {
-                    p.ignore(&["filename"]);
-                    self.loss(p.span, "LightSource \"goniometric\"", "a point light of the same intensity all round");
+            "goniometric" if p.has("filename") => {
+                // The map's middle is +y, as the format turns it.
+                let swap = DMat4::from_cols(DVec4::X, DVec4::Z, DVec4::Y, DVec4::W);
+                let intensity = self.radiance(p, "I", scale);
+                self.picture(p, transform * swap, intensity, power, PictureMapping::EqualAreaSquare)
+            }
+            "projection" => {
+                let fov = p.float("fov", 90.0, r);
+                if !(fov > 0.0 && fov < 180.0) {
+                    r.error(p.span, format!("`fov` must lie between 0 and 180 degrees, not {fov}"));
                 }
+                if !p.has("filename") {
+                    r.error(p.span, "a projection needs a `filename`");
+                }
+                self.picture(p, transform, [scale; 3], power, PictureMapping::Perspective { fov_rad: fov.to_radians() })
+            }
+            "point" | "goniometric" => {
                 let scale = power.map_or(scale, |w| scale * w / (4.0 * std::f32::consts::PI));
                 let intensity = self.radiance(p, "I", scale);
                 Some(LightDesc::Point { position: point(from).as_vec3(), intensity })
             }
-            "spot" | "projection" => self.spot(name, p, scale, power, from, to),
+            "spot" => self.spot(p, scale, power, from, to),
             "distant" => {
                 let scale = p.opt_float("illuminance", &mut self.desc.report).filter(|v| *v > 0.0).map_or(scale, |e| scale * e);
                 let direction = transform.transform_vector3((to - from).as_dvec3()).try_normalize();
@@ -64,52 +74,44 @@ impl Reader {
         p.get(name).and_then(|q| self.color(q, SpectrumKind::Illuminant)).unwrap_or([1.0; 3]).map(|v| v * scale)
     }
 
-    fn spot(&mut self, name: &str, p: &Params, scale: f32, power: Option<f32>, from: Vec3, to: Vec3) -> Option<LightDesc> {
-        let projection = name == "projection";
+    fn picture(
+        &mut self,
+        p: &Params,
+        world_from_light: DMat4,
+        intensity: [f32; 3],
+        power: Option<f32>,
+        mapping: PictureMapping,
+    ) -> Option<LightDesc> {
+        let q = p.get("filename")?;
+        let image = self.image(q.text().unwrap_or_default(), q.span)?;
+        // Lights of no power at all are dark.
+        let power = power.filter(|_| intensity != [0.0; 3]);
+        Some(LightDesc::Picture { world_from_light: world_from_light.as_mat4(), intensity, power, image, mapping })
+    }
+
+    fn spot(&mut self, p: &Params, scale: f32, power: Option<f32>, from: Vec3, to: Vec3) -> Option<LightDesc> {
         let r = &mut self.desc.report;
         let transform = self.state.transform();
-        let (angle, delta) = if projection {
-            (0.5 * p.float("fov", 90.0, r), 0.0)
-        } else {
-            (p.float("coneangle", 30.0, r), p.float("conedeltaangle", 5.0, r))
-        };
+        let (angle, delta) = (p.float("coneangle", 30.0, r), p.float("conedeltaangle", 5.0, r));
         if !(angle > 0.0 && angle <= 180.0) {
             r.error(p.span, format!("a cone's angle must lie between 0 and 180 degrees, not {angle}"));
             return None;
         }
         let outer_rad = angle.to_radians();
         let inner_rad = (angle - delta).clamp(0.0, angle).to_radians();
-        let mut texture = None;
-        if projection {
-            self.loss(p.span, "LightSource \"projection\"", "a spot light with the picture in its cone");
-            let file = p.opt_text("filename", &mut self.desc.report).map(str::to_owned);
-            if let Some(image) = file.and_then(|f| self.image(&f, p.span)) {
-                let bitmap = BitmapDesc {
-                    image,
-                    encoding: Encoding::Auto,
-                    wrap: [Wrap::Clamp; 2],
-                    filter: TextureFilter::Bilinear,
-                    picture_from_uv: glam::Mat3::IDENTITY,
-                    channel: Channel::Luminance,
-                    uv_set: 0,
-                };
-                texture = Some(self.desc.add(Node::new(p.span, TextureDesc::Bitmap(bitmap))));
-            }
-        }
         // Its flux per intensity: full within the inner cone, half on average between the two.
         let (ci, co) = (sin_cos(inner_rad).1, sin_cos(outer_rad).1);
         let flux = std::f32::consts::TAU * ((1.0 - ci) + 0.5 * (ci - co));
         let scale = power.map_or(scale, |w| scale * w / flux);
-        let (o, d) = if projection { (DVec3::ZERO, DVec3::Z) } else { (from.as_dvec3(), (to - from).as_dvec3()) };
-        let Some(axis) = d.try_normalize() else {
+        let Some(axis) = (to - from).as_dvec3().try_normalize() else {
             self.error(p.span, "`from` and `to` must differ");
             return None;
         };
         // Ours shines along −z.
         let turn = glam::DQuat::from_rotation_arc(DVec3::NEG_Z, axis);
-        let world_from_light = (transform * DMat4::from_rotation_translation(turn, o)).as_mat4();
+        let world_from_light = (transform * DMat4::from_rotation_translation(turn, from.as_dvec3())).as_mat4();
         let intensity = self.radiance(p, "I", scale);
-        Some(LightDesc::Spot { world_from_light, intensity, outer_rad, inner_rad, falloff: SpotFalloff::Smoothstep, texture })
+        Some(LightDesc::Spot { world_from_light, intensity, outer_rad, inner_rad, falloff: SpotFalloff::Smoothstep, texture: None })
     }
 
     fn infinite(&mut self, p: &Params, scale: f32) -> Option<LightDesc> {

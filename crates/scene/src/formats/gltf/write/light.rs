@@ -19,7 +19,13 @@ fn photometric(watts: [f32; 3]) -> (f32, [f32; 3]) {
 impl Writer<'_> {
     pub(super) fn write_lights(&mut self, roots: &mut Vec<usize>) {
         for node in &self.desc.lights {
-            let (light, transform) = match &node.value {
+            let plain = node.value.without_picture();
+            if plain != node.value {
+                self.loss(node.span, "picture of a point light", "the light is written without it");
+            }
+            let (light, transform) = match &plain {
+                // Taken apart above.
+                LightDesc::Picture { .. } => continue,
                 LightDesc::Point { position, intensity } => {
                     let (intensity, color) = photometric(*intensity);
                     (json!({"type": "point", "intensity": intensity, "color": color}), Mat4::from_translation(*position))

@@ -302,6 +302,10 @@ impl Writer<'_> {
     fn light(&mut self, node: &Node<LightDesc>) -> io::Result<()> {
         let span = node.span;
         match &node.value {
+            light @ LightDesc::Picture { .. } => {
+                self.lose(span, "picture of a point light", "the light without it");
+                return self.light(&Node::named(&node.name, span, light.without_picture()));
+            }
             LightDesc::Point { position, intensity } => {
                 self.xml.open("emitter", "point", "");
                 self.xml.triple("point", "position", position.to_array());

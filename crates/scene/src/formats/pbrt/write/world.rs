@@ -9,7 +9,7 @@ use super::super::angles::{atan, tan};
 use super::Writer;
 use crate::desc::{
     BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MeshId, Node, ObjectiveDesc, Param,
-    ProjectionDesc, Scalar, ShapeDesc, SpotFalloff,
+    PictureMapping, ProjectionDesc, Scalar, ShapeDesc, SpotFalloff,
 };
 use crate::formats::tessellate::tessellate;
 
@@ -253,6 +253,30 @@ impl Writer<'_> {
                     self.rgb("I", *intensity);
                     self.float("coneangle", outer_rad.to_degrees());
                     self.float("conedeltaangle", (outer_rad - inner_rad).to_degrees());
+                }
+                LightDesc::Picture { world_from_light, intensity, power, image, mapping } => {
+                    let swap = Mat4::from_cols(glam::Vec4::X, glam::Vec4::Z, glam::Vec4::Y, glam::Vec4::W);
+                    match mapping {
+                        PictureMapping::EqualAreaSquare => {
+                            self.transform("Transform", *world_from_light * swap);
+                            self.text.push_str("LightSource \"goniometric\"");
+                            self.rgb("I", *intensity);
+                        }
+                        PictureMapping::Perspective { fov_rad } => {
+                            if intensity[0] != intensity[1] || intensity[1] != intensity[2] {
+                                self.lose(span, "color of a projected picture", "its mean");
+                            }
+                            self.transform("Transform", *world_from_light);
+                            self.text.push_str("LightSource \"projection\"");
+                            self.float("fov", fov_rad.to_degrees());
+                            self.float("scale", intensity.iter().sum::<f32>() / 3.0);
+                        }
+                    }
+                    let name = self.files.image(desc, *image)?;
+                    self.string("filename", &name);
+                    if let Some(power) = power {
+                        self.float("power", *power);
+                    }
                 }
                 LightDesc::Directional { direction: d, irradiance } => {
                     let _ = write!(self.text, "LightSource \"distant\" \"point3 from\" [0 0 0] \"point3 to\" [{} {} {}]", d.x, d.y, d.z);
