@@ -5,10 +5,11 @@
 //!
 //! 1. A few photons say how much of the light is focused at all. Little: path tracing, which decides for itself whether its paths are
 //!    guided, and nothing more is tried.
-//! 2. A grid of pixels is rendered by path tracing, guided where the path tracer's own trial says that it pays, by photon mapping (`sppm`), by their mix (`pathmap`: photons for the light that mirrors
-//!    and glass send first, paths for all other light) and, where paths alone are not the best of these, by vertex connection and merging
-//!    (`vcm`). Each method's variance, in proportion to what a sample costs, is estimated from two independent halves; light that photons
-//!    find and another method lacks counts as a rare event of it.
+//! 2. A grid of pixels is rendered by path tracing (guided where the path tracer's own trial says that it pays, which it is only asked where
+//!    photons are not far better), by photon mapping (`sppm`), by their mix (`pathmap`: photons for the light that mirrors and glass send
+//!    first, paths for all other light) and, where paths alone are not the best of these, by vertex connection and merging (`vcm`). Each
+//!    method's variance, in proportion to what a sample costs, is estimated from two independent halves; light that photons find and another
+//!    method lacks counts as a rare event of it.
 //!
 //! The choice is a function of the scene, the settings and the seed: costs are fixed ratios, not measured times. Then the picture is that of
 //! the chosen method, bit for bit. None of them lights other pixels than a sample's own, so that parts, crops and films are made as for path
@@ -37,6 +38,8 @@ const BLOCK: usize = 6;
 /// Samples of each pixel, in two halves.
 const PATHS: u32 = 32;
 const PASSES: u32 = 8;
+/// Learning where light comes from takes seconds: not where another method is better than paths by more than this.
+const MOST_GAIN_OF_GUIDES: f64 = 8.0;
 /// The pilot's random numbers are not those of the picture.
 const PILOT_SEED: u64 = 0x9E37_79B9_7F4A_7C15;
 
@@ -159,24 +162,31 @@ impl Auto {
         Ok(pilot.means(half))
     }
 
-    /// Tries the methods; returns each one's error at equal cost.
-    fn errors(&self, scene: &Scene, stage: &Stage) -> Result<Vec<(Method, f64)>, String> {
+    /// Tries the methods; returns each one's error at equal cost. Paths learn where that may change the choice.
+    fn errors(&mut self, scene: &Scene, stage: &Stage) -> Result<Vec<(Method, f64)>, String> {
         let pixels = stage.size[0].saturating_mul(stage.size[1]).max(1);
         let photons = self.settings.photons.unwrap_or(pixels.clamp(PHOTONS_OF_PASS[0], PHOTONS_OF_PASS[1]));
-        let attempt = |method| self.try_method(method, photons.min(PHOTONS_OF_PASS[0]), scene, stage);
-        let by_photons = attempt(Method::Sppm)?;
-        let error = |method: Method, means: &Means| {
+        let attempt = |auto: &Self, method| auto.try_method(method, photons.min(PHOTONS_OF_PASS[0]), scene, stage);
+        let by_photons = attempt(self, Method::Sppm)?;
+        let error = |auto: &Self, method: Method, means: &Means| {
             let cost = method.cost(f64::from(photons) / f64::from(pixels));
-            let cost = if method == Method::Path { self.path.cost() } else { cost };
+            let cost = if method == Method::Path { auto.path.cost() } else { cost };
             (method, means.error(&by_photons, method.samples()) * cost)
         };
-        let mut errors = vec![error(Method::Sppm, &by_photons)];
-        for method in [Method::Path, Method::PathMap] {
-            errors.push(error(method, &attempt(method)?));
+        let mut errors = vec![error(self, Method::Sppm, &by_photons)];
+        for method in [Method::PathMap, Method::Path] {
+            errors.push(error(self, method, &attempt(self, method)?));
+        }
+        let of_other = errors[..2].iter().map(|e| e.1).fold(f64::INFINITY, f64::min);
+        if of_other * MOST_GAIN_OF_GUIDES >= errors[2].1 {
+            self.path.guide(scene, stage);
+            if self.path.is_guided() {
+                errors[2] = error(self, Method::Path, &attempt(self, Method::Path)?);
+            }
         }
         if best(&errors) != Method::Path && !scene.has_media && self.settings.memory >= Vcm::MEMORY {
             // Where it cannot be prepared the others still can.
-            errors.extend(attempt(Method::Vcm).ok().map(|means| error(Method::Vcm, &means)));
+            errors.extend(attempt(self, Method::Vcm).ok().map(|means| error(self, Method::Vcm, &means)));
         }
         Ok(errors)
     }
@@ -215,12 +225,13 @@ fn compared(errors: &[(Method, f64)], chosen: Method) -> String {
 impl Integrator for Auto {
     fn prepare(&mut self, scene: &Scene, stage: &Stage) -> Result<(), String> {
         let mut chosen = Method::Path;
-        self.path.guide(scene, stage);
         let focused = self.focused_share(scene, stage);
         let percent = focused * 100.0;
         let why = if focused < LEAST_FOCUSED || (stage.is_cancelled)() {
+            self.path.guide(scene, stage);
             format!("{percent:.2}% of the light is focused by mirrors or glass")
         } else if check(scene).is_err() {
+            self.path.guide(scene, stage);
             format!("{percent:.2}% of the light is focused, but media emit where photons cannot start")
         } else {
             let errors = self.errors(scene, stage)?;
