@@ -4,7 +4,7 @@
 use etendue_scene::desc::BsdfDesc;
 
 use crate::accel::Ray;
-use crate::light::{Light, LightContext, LightSample};
+use crate::light::{EnvironmentLight, Factors, Light, LightContext, LightSample};
 use crate::math::{Vec2, Vec3};
 use crate::medium::MediumStack;
 use crate::sampler::{HashRng, SampleStream};
@@ -36,18 +36,28 @@ pub(super) fn context(s: &Surface) -> LightContext {
     LightContext { p: s.p, n: s.frame.n }
 }
 
+/// The same for light that is sent back into a direction: the normal is on its side.
+#[inline]
+pub(super) fn context_towards(s: &Surface, wo: Vec3) -> LightContext {
+    let n = s.frame.n;
+    LightContext { p: s.p, n: if n.dot(wo) < 0.0 { -n } else { n } }
+}
+
 /// Chooses one light for a point and samples it, by three numbers; the result is to be weighed against directions from the BSDF, always.
 /// Inlined always, like the shadow rays below: with several
 /// integrators as callers the compiler would not, and paths would pay for the calls.
 #[inline(always)]
 pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
-    choose_and_sample(scene, ctx, stream, Light::sample_compensated)
+    choose_and_sample(scene, ctx, stream, |index, u| scene.lights[index as usize].sample_compensated(ctx, u))
 }
 
 /// The same, for results that need not be weighed.
 #[inline]
 pub(super) fn sample_one_alone(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
-    choose_and_sample(scene, ctx, stream, Light::sample)
+    choose_and_sample(scene, ctx, stream, |index, u| match visible_part(scene, ctx, index) {
+        Some((environment, factors)) => factors.sample(environment, ctx, u),
+        None => scene.lights[index as usize].sample(ctx, u),
+    })
 }
 
 #[inline(always)]
@@ -55,15 +65,31 @@ fn choose_and_sample(
     scene: &Scene,
     ctx: &LightContext,
     stream: &mut SampleStream,
-    sample: impl Fn(&Light, &LightContext, Vec2) -> Option<LightSample>,
+    sample: impl Fn(u32, Vec2) -> Option<LightSample>,
 ) -> Option<Direct> {
     let u_light = if scene.light_sampler.has_choice() { stream.next_1d() } else { stream.skip_1d() };
     let u = stream.next_2d();
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
-    let sample = sample(&scene.lights[index as usize], ctx, u)?;
+    let sample = sample(index, u)?;
     let radiance = scene.light_radiance(index, &sample);
     let pdf = sample.pdf * pmf;
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
+}
+
+/// Where walls are in the way of most of an environment map: the map, and what is seen of it from a place.
+#[inline]
+fn visible_part<'a>(scene: &'a Scene, ctx: &LightContext, light: u32) -> Option<(&'a EnvironmentLight, &'a Factors)> {
+    let visibility = scene.environment_visibility.as_ref().filter(|v| v.light == light)?;
+    let Light::Environment(environment) = &scene.lights[light as usize] else { return None };
+    let sees = |o: Vec3, d: Vec3| {
+        let ray = Ray::new(o, d);
+        let mut rng = HashRng::default();
+        if !scene.has_null {
+            return !scene.stops_light(&ray, false);
+        }
+        !transmittance_through_surfaces(scene, ray, MediumStack::VACUUM, false, &mut rng).is_black()
+    };
+    Some((environment, visibility.at(environment, ctx, sees)?))
 }
 
 /// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased
@@ -226,5 +252,12 @@ pub(super) fn infinite(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) 
 #[inline]
 pub(super) fn pdf_infinite_alone(scene: &Scene, ctx: &LightContext, light: u32, wi: Vec3) -> f32 {
     let pmf = scene.light_sampler.pmf(ctx, light);
-    if pmf > 0.0 { pmf * scene.lights[light as usize].pdf_escaped(ctx, wi) } else { 0.0 }
+    if pmf > 0.0 {
+        pmf * match visible_part(scene, ctx, light) {
+            Some((environment, factors)) => factors.pdf(environment, wi),
+            None => scene.lights[light as usize].pdf_escaped(ctx, wi),
+        }
+    } else {
+        0.0
+    }
 }

@@ -6,7 +6,7 @@
 //! is counted twice and nothing is left out, whatever the material is made of.
 
 use super::Estimate;
-use super::light_sampling::{context, pdf_infinite_alone, pdf_surface, sample_one_alone, visibility};
+use super::light_sampling::{context_towards, pdf_infinite_alone, pdf_surface, sample_one_alone, visibility};
 use super::path::first_hit;
 use crate::accel::Ray;
 use crate::bsdf::{Lobe, TransportMode};
@@ -150,7 +150,7 @@ impl Walk {
             }
             depth += 1;
             eta_scale *= fns::sqr(sample.eta);
-            last = Vertex { ctx: context(&s), pdf: if delta || !self.samples_lights { f32::INFINITY } else { sample.pdf } };
+            last = Vertex { ctx: context_towards(&s, wo), pdf: if delta || !self.samples_lights { f32::INFINITY } else { sample.pdf } };
             if depth >= self.rr_depth {
                 let survive = (throughput.max_component() * eta_scale).min(0.95);
                 if u_roulette >= survive {
@@ -165,7 +165,7 @@ impl Walk {
 /// Direct light by a ray to one light, from all directions; those that the BSDF's sampling finds with a higher density than `max_pdf` are
 /// shared with the path that goes on there.
 pub(super) fn direct(scene: &Scene, at: &At, max_pdf: f32, stream: &mut SampleStream, rng: &mut HashRng, out: &mut Estimate) {
-    let Some(direct) = sample_one_alone(scene, &context(at.s), stream) else { return };
+    let Some(direct) = sample_one_alone(scene, &context_towards(at.s, at.wo), stream) else { return };
     let (f, pdf) = at.scatter.eval_pdf(at.wo, direct.sample.wi, TransportMode::Radiance);
     if f.is_black() {
         return;

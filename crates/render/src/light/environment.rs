@@ -10,8 +10,9 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::directional::{infinite_emission, infinite_sample};
+use super::visibility::TILES;
 use super::{EmissionSample, LightContext, LightSample, SceneSphere};
-use crate::math::{INV_PI, INV_TAU, Mat3, Mat4, PI, PiecewiseConstant2D, TAU, Vec2, Vec3, fns};
+use crate::math::{INV_PI, INV_TAU, Mat3, Mat4, PI, PiecewiseConstant1D, PiecewiseConstant2D, TAU, Vec2, Vec3, fns};
 use crate::spectrum::Spectrum;
 
 /// Where the rows of a picture lie between the poles.
@@ -69,6 +70,10 @@ pub struct EnvironmentLight {
     world_from_light: Mat3,
     light_from_world: Mat3,
     density: PiecewiseConstant2D,
+    /// The probability of each tile by `density`; of rows, and columns in them.
+    tiles: Vec<f32>,
+    /// For each tile the rows of `density` in it, cumulated from 0 to 1.
+    tile_rows: Vec<PiecewiseConstant1D>,
     /// For estimates that weigh it against other sampling: of what is brighter than the mean; `None` where nothing is.
     compensated: Option<PiecewiseConstant2D>,
     /// Mean over all directions.
@@ -116,7 +121,54 @@ impl EnvironmentLight {
         let compensated = Some(PiecewiseConstant2D::new(columns, cell_rows, &weighted(mean))).filter(|d| d.integral() > 0.0);
         let mean = Spectrum::from_rgb(mean_over_sphere(width, height, &texels, &sin_theta, rows)) * scale;
         let light_from_world = world_from_light.transpose();
-        Some(Self { width, height, texels: texels.into(), scale, rows, world_from_light, light_from_world, density, compensated, mean })
+        let (tiles, tile_rows) = tiles_of(&density);
+        let texels = texels.into();
+        Some(Self { width, height, texels, scale, rows, world_from_light, light_from_world, density, tiles, tile_rows, compensated, mean })
+    }
+
+    /// The probability of each tile by [`Self::pdf`].
+    pub(super) fn tile_probabilities(&self) -> &[f32] {
+        &self.tiles
+    }
+
+    /// A direction by [`Self::pdf`], and its tile.
+    pub(super) fn sample_tile(&self, u: Vec2) -> Option<(Vec3, usize)> {
+        let (uv, pdf, cell) = self.density.sample(u);
+        let (d, sin_theta) = Self::direction_from_uv(uv);
+        (pdf > 0.0 && sin_theta > 0.0).then(|| (self.world_from_light * d, tile_of_cell(cell, self.density.size())))
+    }
+
+    /// The direction at a place in a tile.
+    pub(super) fn direction_of_tile(&self, tile: usize, at: Vec2) -> Vec3 {
+        let [columns, rows] = self.density.size();
+        let ([x0, x1], [y0, y1]) = (cells_of_tile(tile % TILES[0], TILES[0], columns), cells_of_tile(tile / TILES[0], TILES[1], rows));
+        let place = |a: usize, b: usize, t: f32, n: usize| (a as f32 + t * (b.max(a + 1) - a) as f32) / n as f32;
+        self.world_from_light * Self::direction_from_uv(Vec2::new(place(x0, x1, at.x, columns), place(y0, y1, at.y, rows))).0
+    }
+
+    /// Samples a tile by [`Self::pdf`], which is given the factor by which the tile is sampled more often.
+    #[inline]
+    pub(super) fn sample_in_tile(&self, ctx: &LightContext, tile: usize, factor: f32, u: Vec2) -> Option<LightSample> {
+        let [columns, rows] = self.density.size();
+        let [x0, x1] = cells_of_tile(tile % TILES[0], TILES[0], columns);
+        let [y0, _] = cells_of_tile(tile / TILES[0], TILES[1], rows);
+        let (row, _, y) = self.tile_rows[tile].sample_discrete(u.y);
+        let row = y0 + row;
+        let (x, pdf) = self.density.sample_in_row(row, [x0, x1], u.x);
+        let uv = Vec2::new(x, (row as f32 + y) / rows as f32);
+        let (d, sin_theta) = Self::direction_from_uv(uv);
+        let pdf = pdf * factor / (TAU * PI * sin_theta);
+        let radiance = self.lookup(uv);
+        (pdf > 0.0 && pdf.is_finite() && !radiance.is_black()).then(|| infinite_sample(ctx, self.world_from_light * d, radiance, pdf))
+    }
+
+    /// The density of [`Self::pdf`] for a unit direction in the world, and its tile.
+    #[inline]
+    pub(super) fn pdf_and_tile(&self, wi: Vec3) -> (f32, usize) {
+        let (uv, sin_theta) = Self::uv_from_direction(self.light_from_world * wi);
+        let size @ [columns, rows] = self.density.size();
+        let cell = [((uv.x * columns as f32) as usize).min(columns - 1), ((uv.y * rows as f32) as usize).min(rows - 1)];
+        (Self::pdf_at(&self.density, uv, sin_theta), tile_of_cell(cell, size))
     }
 
     /// Picture coordinates in [0, 1]² of a unit direction of the picture's space, and sin θ.
@@ -223,6 +275,29 @@ impl EnvironmentLight {
         let (wi, radiance, pdf) = self.sample_direction(&self.density, u_direction)?;
         infinite_emission(scene, u_position, wi, radiance, pdf)
     }
+}
+
+/// The first of the cells of a tile, and the one after the last.
+#[inline]
+fn cells_of_tile(tile: usize, tiles: usize, cells: usize) -> [usize; 2] {
+    [(tile * cells).div_ceil(tiles), ((tile + 1) * cells).div_ceil(tiles)]
+}
+
+/// The tile that a cell is in.
+#[inline]
+fn tile_of_cell([x, y]: [usize; 2], [columns, rows]: [usize; 2]) -> usize {
+    y * TILES[1] / rows * TILES[0] + x * TILES[0] / columns
+}
+
+/// The probabilities of tiles, and of rows in each of them.
+fn tiles_of(density: &PiecewiseConstant2D) -> (Vec<f32>, Vec<PiecewiseConstant1D>) {
+    let [columns, rows] = density.size();
+    let of_tile = |tile: usize| {
+        let ([x0, x1], [y0, y1]) = (cells_of_tile(tile % TILES[0], TILES[0], columns), cells_of_tile(tile / TILES[0], TILES[1], rows));
+        let weights: Vec<f32> = (y0..y1).map(|y| density.probability_in_row(y, [x0, x1])).collect();
+        (weights.iter().sum::<f32>(), PiecewiseConstant1D::new(&weights))
+    };
+    (0..TILES[0] * TILES[1]).map(of_tile).unzip()
 }
 
 /// The mean over all directions; `sin_theta` holds the means of sin θ over rows of cells. The interpolation is taken as constant in

@@ -29,6 +29,7 @@ pub mod sampler;
 pub mod spot;
 mod sun_table;
 pub mod sunsky;
+pub mod visibility;
 
 pub use area::{AreaGeometry, AreaLight};
 pub use bounds::LightBounds;
@@ -40,6 +41,8 @@ pub use picture::PictureLight;
 pub use point::PointLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;
+pub use visibility::EnvironmentVisibility;
+pub(crate) use visibility::Factors;
 
 use crate::math::{ONE_MINUS_EPSILON, PI, TAU, Vec2, Vec3, fns, warp};
 use crate::spectrum::Spectrum;

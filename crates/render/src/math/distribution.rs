@@ -204,6 +204,27 @@ impl PiecewiseConstant2D {
         (Vec2::new(x, y), pdf_x * pdf_y, [ix, iy])
     }
 
+    /// The probability of the cells of a row from the first to before the last.
+    pub fn probability_in_row(&self, y: usize, [first, end]: [usize; 2]) -> f32 {
+        let row = self.row(y);
+        (row[end] - row[first]) * self.marginal.probability(y)
+    }
+
+    /// A position along a row in the cells from the first to before the last, by their density in the row, and the density of the place in
+    /// all of the square.
+    #[inline]
+    pub fn sample_in_row(&self, y: usize, [first, end]: [usize; 2], u: f32) -> (f32, f32) {
+        let row = &self.row(y)[first..=end];
+        // By differences, which are exact: cells may hold a millionth of a row.
+        let u = u.clamp(0.0, ONE_MINUS_EPSILON) * (row[row.len() - 1] - row[0]);
+        let i = row.partition_point(|c| c - row[0] <= u).clamp(1, row.len() - 1) - 1;
+        let share = row[i + 1] - row[i];
+        let t = if share > 0.0 { ((u - (row[i] - row[0])) / share).clamp(0.0, 1.0) } else { 0.0 };
+        let [width, height] = self.size();
+        let x = ((first + i) as f32 + t) / width as f32;
+        (x.min(ONE_MINUS_EPSILON), share * width as f32 * (self.marginal.probability(y) * height as f32))
+    }
+
     /// The density at a position in [0,1]².
     #[inline]
     pub fn pdf(&self, p: Vec2) -> f32 {

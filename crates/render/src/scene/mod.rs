@@ -21,7 +21,7 @@ use crate::accel::{Accel, Hit, Ray};
 use crate::camera::{Camera, CameraRay};
 use crate::classic::ClassicWorld;
 use crate::classic::physical::Physical;
-use crate::light::{Light, LightSample, LightSampler, SceneSphere};
+use crate::light::{EnvironmentVisibility, Light, LightSample, LightSampler, SceneSphere};
 use crate::material::Material;
 use crate::math::{Aabb, Vec2, Vec3};
 use crate::medium::{Medium, MediumStack};
@@ -64,6 +64,8 @@ pub struct Scene {
     pub infinite_lights: Vec<u32>,
     /// Chooses lights for next-event estimation.
     pub light_sampler: LightSampler,
+    /// What is seen of the environment map, where there is one, from where.
+    pub environment_visibility: Option<EnvironmentVisibility>,
     /// Media: the index is the description's `MediumId`.
     pub media: Vec<Medium>,
     /// Whether any path can be in a medium: where not, no one need look.

@@ -6,8 +6,8 @@ use etendue_scene::desc::{Encoding, EnvironmentMapping, LightDesc, Param, Pictur
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
-    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, Light, LightSampler, LightSelection, PictureLight,
-    PointLight, Rows, SpotLight, equal_area,
+    AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, EnvironmentVisibility, Light, LightSampler, LightSelection,
+    PictureLight, PointLight, Rows, SpotLight, equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -54,6 +54,8 @@ pub(super) fn add(
         }
     };
     scene.light_sampler = LightSampler::new(&scene.lights, &sphere, selection);
+    let environment = scene.lights.iter().position(|l| matches!(l, Light::Environment(_)));
+    scene.environment_visibility = environment.and_then(|light| EnvironmentVisibility::new(light as u32, scene.bounds));
     if faults.is_empty() { Ok(()) } else { Err(faults) }
 }
 

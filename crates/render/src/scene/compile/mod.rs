@@ -143,6 +143,7 @@ fn compile_with(
             &SceneSphere { center: glam::Vec3::ZERO, radius: 1.0, endless: false },
             LightSelection::Uniform,
         ),
+        environment_visibility: None,
     };
     lights::add(&mut scene, desc, settings, environment)?;
     if scene.has_media {
