@@ -307,6 +307,29 @@ fn fog_agrees() {
     }
 }
 
+/// A wall between a room with a lamp and one without: the floor beyond the wall's foot stays dark.
+#[test]
+fn light_does_not_leak_past_the_foot_of_a_wall() {
+    let mut desc = scene();
+    let white = two_sided(&mut desc, 0.7);
+    rectangle(&mut desc, Vec3::ZERO, [1.0; 2], false, Some(white));
+    rectangle(&mut desc, Vec3::new(0.0, 0.0, 1.0), [1.0; 2], true, Some(white));
+    let wall = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5))
+        * Mat4::from_rotation_y(std::f32::consts::FRAC_PI_2)
+        * Mat4::from_scale(Vec3::new(0.5, 1.0, 1.0));
+    shape(&mut desc, GeometryDesc::Rectangle, wall, Some(white));
+    let s = sphere(&mut desc, Vec3::new(-0.5, 0.0, 0.5), 0.1, None);
+    emit(&mut desc, s, Color::Constant([20.0; 3]));
+    let from = |x: f32| {
+        let mut desc = desc.clone();
+        perspective(&mut desc, Vec3::new(x, 0.0, 0.4), Vec3::new(0.2 * x, 0.0, 0.0), 30.0);
+        desc
+    };
+    let mean = |x: f32| render(&from(x), &with("sppm", 8, |_| ())).develop().channel("G").unwrap().iter().sum::<f32>() / 576.0;
+    let (lit, dark) = (mean(-0.25), mean(0.25));
+    assert!(lit > 0.1 && dark < 0.01 * lit, "{dark} beyond the wall, {lit} before it");
+}
+
 #[test]
 fn errors_of_sppm_fall_with_the_passes() {
     let mut desc = room(false);

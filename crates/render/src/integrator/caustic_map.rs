@@ -158,7 +158,7 @@ impl Caustics for CausticMap {
             };
             let radius = (first * self.shrink).max(self.least);
             let accept = |photon: &Photon| self.settings.accepts(photon, depths[0]);
-            query.radiance_within(tree, radius, self.scale, accept, |light, group| out.add(throughput * light, group));
+            query.radiance_within(tree, radius, None, self.scale, accept, |light, group| out.add(throughput * light, group));
         }
     }
 

@@ -4,7 +4,7 @@
 use etendue_scene::desc::BsdfDesc;
 
 use crate::accel::Ray;
-use crate::light::{EnvironmentLight, Factors, Light, LightContext, LightSample};
+use crate::light::{Light, LightContext, LightSample, SeenPart, Sight};
 use crate::math::{Vec2, Vec3};
 use crate::medium::MediumStack;
 use crate::sampler::{HashRng, SampleStream};
@@ -55,7 +55,7 @@ pub(crate) fn sample_one(scene: &Scene, ctx: &LightContext, stream: &mut SampleS
 #[inline]
 pub(super) fn sample_one_alone(scene: &Scene, ctx: &LightContext, stream: &mut SampleStream) -> Option<Direct> {
     choose_and_sample(scene, ctx, stream, |index, u| match visible_part(scene, ctx, index) {
-        Some((environment, factors)) => factors.sample(environment, ctx, u),
+        Some(seen) => seen.sample(ctx, u),
         None => scene.lights[index as usize].sample(ctx, u),
     })
 }
@@ -76,20 +76,27 @@ fn choose_and_sample(
     (pdf > 0.0 && !radiance.is_black()).then_some(Direct { sample, radiance, pdf, group: scene.light_groups[index as usize], light: index })
 }
 
-/// Where walls are in the way of most of an environment map: the map, and what is seen of it from a place.
+/// Where walls are in the way of most of an environment map: what is seen of it from a place.
 #[inline]
-fn visible_part<'a>(scene: &'a Scene, ctx: &LightContext, light: u32) -> Option<(&'a EnvironmentLight, &'a Factors)> {
+fn visible_part<'a>(scene: &'a Scene, ctx: &LightContext, light: u32) -> Option<SeenPart<'a>> {
     let visibility = scene.environment_visibility.as_ref().filter(|v| v.light == light)?;
     let Light::Environment(environment) = &scene.lights[light as usize] else { return None };
-    let sees = |o: Vec3, d: Vec3| {
+    visibility.at(environment, ctx, scene)
+}
+
+impl Sight for Scene {
+    fn is_open(&self, o: Vec3, d: Vec3) -> bool {
         let ray = Ray::new(o, d);
-        let mut rng = HashRng::default();
-        if !scene.has_null {
-            return !scene.stops_light(&ray, false);
+        if !self.has_null {
+            return !self.stops_light(&ray, false);
         }
-        !transmittance_through_surfaces(scene, ray, MediumStack::VACUUM, false, &mut rng).is_black()
-    };
-    Some((environment, visibility.at(environment, ctx, sees)?))
+        let mut rng = HashRng::default();
+        !transmittance_through_surfaces(self, ray, MediumStack::VACUUM, false, &mut rng).is_black()
+    }
+
+    fn distance(&self, o: Vec3, d: Vec3, t_max: f32) -> Option<f32> {
+        self.intersect(&Ray { t_max, ..Ray::new(o, d) }).map(|s| s.t)
+    }
 }
 
 /// The share of light that passes between a surface point and a light sample; `media` are those on the side of `wo`. An unbiased
@@ -254,7 +261,7 @@ pub(super) fn pdf_infinite_alone(scene: &Scene, ctx: &LightContext, light: u32, 
     let pmf = scene.light_sampler.pmf(ctx, light);
     if pmf > 0.0 {
         pmf * match visible_part(scene, ctx, light) {
-            Some((environment, factors)) => factors.pdf(environment, wi),
+            Some(seen) => seen.pdf(wi),
             None => scene.lights[light as usize].pdf_escaped(ctx, wi),
         }
     } else {

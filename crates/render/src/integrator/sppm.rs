@@ -6,7 +6,10 @@
 //! vanish as passes go on. Direct light comes from rays to the lights.
 //!
 //! Where Knaus and Zwicker leave the first radius open, ours is a function of the place: the distance of the n nearest photons of a
-//! pilot map, caustics and other light apart. So caustics are sharp from the first pass, and dim corners are not black.
+//! pilot map, caustics and other light apart. So caustics are sharp from the first pass, and dim corners are not black. Photons count
+//! that the point can see along its surface ([`VisibleDisk`]), so that light does not leak past the edges of walls.
+
+use std::cell::Cell;
 
 use super::particles::add_volume;
 use super::photon_beams::PhotonBeams;
@@ -16,7 +19,7 @@ use super::{Estimate, Integrator, Stage};
 use crate::camera::CameraRay;
 use crate::photon::trace::{Keep, Tracer};
 use crate::photon::tree::Neighbors;
-use crate::photon::{MapInfo, Photon, PhotonMap, PhotonTree, Query, Route};
+use crate::photon::{MapInfo, Photon, PhotonMap, PhotonTree, Query, Route, VisibleDisk};
 use crate::sampler::{HashRng, SampleStream};
 use crate::scene::Scene;
 
@@ -165,22 +168,42 @@ impl Integrator for Sppm {
 }
 
 impl Gather for Sppm {
-    fn surface(&self, _scene: &Scene, at: &At, _stream: &mut SampleStream, _rng: &mut HashRng, out: &mut Estimate) {
+    fn surface(&self, scene: &Scene, at: &At, stream: &mut SampleStream, _rng: &mut HashRng, out: &mut Estimate) {
         let query = Query { s: at.s, scatter: at.scatter, wo: at.wo, max_pdf: MAX_PDF };
         let count = self.settings.neighbors.unwrap_or(NEIGHBORS) as usize;
         let reach = self.reach.map_or(0.0, |r| r.at(at.s.p));
         let mut found = Neighbors::new();
-        for (pilot, tree) in [(&self.pilot.caustic, &self.pass.caustic), (&self.pilot.indirect, &self.pass.indirect)] {
-            if tree.is_empty() {
-                continue;
+        let trees = [&self.pass.caustic, &self.pass.indirect];
+        // The squared distance of the nearest photon on a surface of another orientation: where there is none within the radius, hardly
+        // anything hides a part of the disk.
+        let other = Cell::new(f32::INFINITY);
+        let lands = |photon: &Photon| {
+            let lands = query.lands(photon);
+            if !lands {
+                other.set(other.get().min((photon.position() - at.s.p).length_squared()));
             }
+            lands
+        };
+        let mut radius = |pilot: &PhotonTree, tree: &PhotonTree| {
             let first = match self.settings.radius {
+                _ if tree.is_empty() => return 0.0,
                 Some(radius) => radius,
-                None => pilot.nearest(at.s.p, count, reach, |photon| query.lands(photon), &mut found).sqrt(),
+                None => pilot.nearest(at.s.p, count, reach, lands, &mut found).sqrt(),
             };
-            let radius = (first * self.shrink).max(self.least);
-            let accept = |photon: &Photon| self.settings.accepts(photon, at.depth);
-            query.radiance_within(tree, radius, self.pass.scale, accept, |light, group| out.add(at.throughput * light, group));
+            (first * self.shrink).max(self.least)
+        };
+        let radii = [radius(&self.pilot.caustic, trees[0]), radius(&self.pilot.indirect, trees[1])];
+        let u = stream.next_1d();
+        let most = radii[0].max(radii[1]);
+        let is_near_others = most > 0.0 && (self.settings.radius.is_some() || other.get() < most * most);
+        let disk = is_near_others.then(|| VisibleDisk::around(scene, at.s, at.wo, most, u));
+        for (tree, radius) in trees.into_iter().zip(radii) {
+            if radius > 0.0 {
+                let accept = |photon: &Photon| self.settings.accepts(photon, at.depth);
+                query.radiance_within(tree, radius, disk.as_ref(), self.pass.scale, accept, |light, group| {
+                    out.add(at.throughput * light, group)
+                });
+            }
         }
     }
 

@@ -146,9 +146,9 @@ impl EnvironmentLight {
         self.world_from_light * Self::direction_from_uv(Vec2::new(place(x0, x1, at.x, columns), place(y0, y1, at.y, rows))).0
     }
 
-    /// Samples a tile by [`Self::pdf`], which is given the factor by which the tile is sampled more often.
+    /// Samples a tile in proportion to [`Self::pdf`], which is the density that comes back.
     #[inline]
-    pub(super) fn sample_in_tile(&self, ctx: &LightContext, tile: usize, factor: f32, u: Vec2) -> Option<LightSample> {
+    pub(super) fn sample_in_tile(&self, ctx: &LightContext, tile: usize, u: Vec2) -> Option<LightSample> {
         let [columns, rows] = self.density.size();
         let [x0, x1] = cells_of_tile(tile % TILES[0], TILES[0], columns);
         let [y0, _] = cells_of_tile(tile / TILES[0], TILES[1], rows);
@@ -157,7 +157,7 @@ impl EnvironmentLight {
         let (x, pdf) = self.density.sample_in_row(row, [x0, x1], u.x);
         let uv = Vec2::new(x, (row as f32 + y) / rows as f32);
         let (d, sin_theta) = Self::direction_from_uv(uv);
-        let pdf = pdf * factor / (TAU * PI * sin_theta);
+        let pdf = pdf / (TAU * PI * sin_theta);
         let radiance = self.lookup(uv);
         (pdf > 0.0 && pdf.is_finite() && !radiance.is_black()).then(|| infinite_sample(ctx, self.world_from_light * d, radiance, pdf))
     }

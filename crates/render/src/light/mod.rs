@@ -42,7 +42,7 @@ pub use point::PointLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;
 pub use visibility::EnvironmentVisibility;
-pub(crate) use visibility::Factors;
+pub(crate) use visibility::{SeenPart, Sight};
 
 use crate::math::{ONE_MINUS_EPSILON, PI, TAU, Vec2, Vec3, fns, warp};
 use crate::spectrum::Spectrum;

@@ -8,7 +8,7 @@
 //! walls. Photons on the far side of an opaque surface are dark by its BSDF.
 
 use super::tree::Neighbors;
-use super::{Photon, PhotonTree};
+use super::{Photon, PhotonTree, VisibleDisk};
 use crate::accel::Ray;
 use crate::bsdf::TransportMode;
 use crate::material::Scatter;
@@ -56,19 +56,22 @@ impl Query<'_> {
         Some(photon.power() * f / self.s.ng.dot(from).abs().max(LEAST_COS))
     }
 
-    /// Calls `add` with what each photon within the radius adds to the reflected radiance (times `scale`) and its light group.
+    /// Calls `add` with what each photon within the radius adds to the reflected radiance (times `scale`) and its light group; of those that
+    /// the point sees, where a disk of this radius or a larger one tells.
     pub fn radiance_within(
         &self,
         tree: &PhotonTree,
         radius: f32,
+        disk: Option<&VisibleDisk>,
         scale: f32,
         accept: impl Fn(&Photon) -> bool,
         mut add: impl FnMut(Spectrum, u32),
     ) {
-        let norm = disk_norm(radius * radius) * scale;
+        let norm = disk_norm(radius * radius) * scale / disk.map_or(1.0, |disk| disk.share(radius));
         let inverse = 1.0 / (radius * radius);
         tree.within(self.s.p, radius, |photon, d2| {
             if accept(photon)
+                && disk.is_none_or(|disk| disk.sees(photon.position() - self.s.p))
                 && let Some(light) = self.reflect(photon)
             {
                 add(light * (norm * (1.0 - d2 * inverse)), photon.group());

@@ -12,12 +12,14 @@
 //! | `beams` | the ways of photons through homogeneous media, by place |
 //! | `tree` | a kd-tree: all photons within a radius, the k nearest |
 //! | `estimate` | from densities to radiance and irradiance |
+//! | `disk` | how far the surface around a point goes on before something stands on it |
 //! | `surface_light` | irradiance for lightmaps, right up to the edges of surfaces |
 //!
 //! Sources: Jensen 1996, "Global Illumination using Photon Maps" (doi:10.1007/978-3-7091-7484-5_3); Shirley et al. 1995,
 //! "Global Illumination via Density-Estimation" (doi:10.1007/978-3-7091-9430-0_21).
 
 pub mod beams;
+pub mod disk;
 pub mod estimate;
 pub mod file;
 pub mod map;
@@ -26,6 +28,7 @@ pub mod trace;
 pub mod tree;
 
 pub use beams::{Beam, BeamTree};
+pub use disk::VisibleDisk;
 pub use estimate::Query;
 pub use file::Contents;
 pub use map::{MapError, MapInfo, PhotonMap, Segment};
