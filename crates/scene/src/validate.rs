@@ -4,8 +4,8 @@ use etendue_procedural::SolidPattern;
 use glam::{Mat3, Mat4};
 
 use crate::desc::{
-    BsdfDesc, Color, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PatternSpace, PhaseDesc,
-    PictureMapping, ProjectionDesc, Scalar, SceneDesc, TextureDesc, TextureId, VOLUME_LIMIT,
+    BsdfDesc, Color, DisplacementDesc, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PatternSpace,
+    PhaseDesc, PictureMapping, ProjectionDesc, Scalar, SceneDesc, ShapeDesc, TextureDesc, TextureId, VOLUME_LIMIT,
 };
 use crate::report::{ReadError, Report};
 use crate::span::{FileId, Span};
@@ -316,6 +316,9 @@ impl Checker<'_> {
             for id in shape.interior.iter().chain(&shape.exterior) {
                 self.id(span, id.0, desc.media.len(), "medium");
             }
+            if let Some(displacement) = &shape.displacement {
+                self.displacement(span, shape, displacement);
+            }
             match &shape.geometry {
                 GeometryDesc::Mesh { mesh, .. } => self.id(span, mesh.0, desc.meshes.len(), "mesh"),
                 GeometryDesc::Sphere { center, radius } => self.sized(span, &center.to_array(), *radius),
@@ -336,6 +339,21 @@ impl Checker<'_> {
         for node in &desc.instances {
             self.id(node.span, node.value.group.0, desc.groups.len(), "group");
             self.transform(node.span, node.value.world_from_object);
+        }
+    }
+
+    fn displacement(&mut self, span: Span, shape: &ShapeDesc, displacement: &DisplacementDesc) {
+        self.scalar(span, displacement.height);
+        if !(displacement.edge_length > 0.0 && displacement.edge_length.is_finite()) {
+            self.report.error(span, "the length of edges of a displaced mesh must be positive and finite");
+        }
+        let GeometryDesc::Mesh { mesh, .. } = shape.geometry else {
+            self.report.error(span, "only meshes can be displaced");
+            return;
+        };
+        let data = self.desc.meshes.get(mesh.0 as usize).and_then(|m| m.value.data.as_ref());
+        if data.is_some_and(|d| d.uvs.is_empty() && !d.triangles.is_empty()) {
+            self.report.error(span, "a displaced mesh needs texture coordinates");
         }
     }
 

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use anyhow::Context;
 use etendue_render::image::{is_rare, png_bytes};
+use etendue_render::scene::bake_displacement;
 use etendue_scene::desc::ImageSource;
 use etendue_scene::formats::{Resolver, gltf, mitsuba, pbrt};
 use etendue_scene::{Loss, SceneDesc};
@@ -35,6 +36,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         return Err(coded(exit::USAGE, format!("{}: a scene can be written as .xml, .pbrt, .gltf or .glb", args.output.display())));
     }
     let mut desc = triangles(args.scene.read([None, None])?, args.tessellation)?;
+    if extension != "pbrt"
+        && let Err(faults) = bake_displacement(&mut desc)
+    {
+        let lines: Vec<String> = faults.iter().map(|f| format!("{}: {}", f.span.display(&desc.files), f.message)).collect();
+        return Err(coded(exit::INVALID, lines.join("\n")));
+    }
     if matches!(extension.as_str(), "xml" | "pbrt") {
         // pbrt reads GIF, Mitsuba does not.
         for message in common_pictures(&mut desc, extension == "xml") {

@@ -9,6 +9,7 @@ use etendue_scene::formats::tessellate::tessellate;
 use super::BakeError;
 use super::topology::Topology;
 use crate::math::{Aabb, Mat3, Mat4, Vec2, Vec3};
+use crate::scene::displace;
 
 /// Most triangles of the flat scene: instances count as often as they stand in it.
 const TRIANGLE_LIMIT: usize = 1 << 24;
@@ -86,11 +87,13 @@ struct Faults {
 /// Flattens a scene. Meshes must be loaded.
 ///
 /// # Errors
-/// [`BakeError::Scene`] where nothing is left to bake, where the scene is too large or of the classic model.
+/// [`BakeError::Scene`] where nothing is left to bake, where the scene is too large or of the classic model; [`BakeError::Faults`] where its meshes
+/// cannot be displaced.
 pub fn flatten(desc: &SceneDesc, sides: Sides) -> Result<Flat, BakeError> {
     if desc.classic.is_some() {
         return Err(BakeError::Scene("POV-Ray scenes cannot be baked yet: their solids have no triangles".into()));
     }
+    let displaced = displace(desc).map_err(BakeError::Faults)?;
     let mut flat = desc.clone_without_shapes();
     let mut faults = Faults::default();
     let mut budget = TRIANGLE_LIMIT;
@@ -98,7 +101,7 @@ pub fn flatten(desc: &SceneDesc, sides: Sides) -> Result<Flat, BakeError> {
         let node = &desc[id];
         let owned;
         let data = match &node.value.geometry {
-            GeometryDesc::Mesh { mesh, .. } => desc[*mesh].value.data.as_ref(),
+            GeometryDesc::Mesh { mesh, .. } => displaced.meshes.get(&id).or(desc[*mesh].value.data.as_ref()),
             other => {
                 owned = tessellate(other);
                 faults.polygons += usize::from(owned.is_none());
@@ -117,13 +120,15 @@ pub fn flatten(desc: &SceneDesc, sides: Sides) -> Result<Flat, BakeError> {
         }
         let mesh = flat.add(Node::named(node.name.clone(), node.span, MeshDesc { file: None, flip_v: false, data: Some(mesh) }));
         let geometry = GeometryDesc::Mesh { mesh, face_normals: false, smooth: false };
-        let shape = ShapeDesc { geometry, world_from_object: Mat4::IDENTITY, flip_normals: false, ..node.value.clone() };
+        let shape =
+            ShapeDesc { geometry, world_from_object: Mat4::IDENTITY, flip_normals: false, displacement: None, ..node.value.clone() };
         flat.add(Node::named(node.name.clone(), node.span, shape));
     }
     if flat.shapes.is_empty() {
         return Err(BakeError::Scene("there is nothing to bake: the scene has no triangle of any area".into()));
     }
-    let mut flat = Flat { desc: flat, shapes: Vec::new(), notes: faults.sentences() };
+    let notes = displaced.warnings.into_iter().chain(faults.sentences()).collect();
+    let mut flat = Flat { desc: flat, shapes: Vec::new(), notes };
     inspect(&mut flat, sides);
     if !flat.shapes.iter().any(|s| s.bake != [false; 2]) {
         return Err(BakeError::Scene("there is nothing to bake: all surfaces are lights, glass or invisible".into()));
@@ -176,6 +181,7 @@ fn to_world(data: &MeshData, shape: &ShapeDesc, world: Mat4) -> (MeshData, Fault
     }
     let is_good = |p: &Vec3| p.is_finite() && p.abs().max_element() <= COORDINATE_LIMIT;
     let (face_normals, smooth) = match shape.geometry {
+        _ if shape.displacement.is_some() => (false, false),
         GeometryDesc::Mesh { face_normals, smooth, .. } => (face_normals, smooth),
         _ => (false, false),
     };

@@ -2,6 +2,7 @@
 
 mod compile;
 mod curvature;
+mod displacement;
 pub mod geometry;
 mod losses;
 mod names;
@@ -10,6 +11,7 @@ mod view;
 
 pub use compile::compile;
 pub(crate) use compile::vertex_normals;
+pub use displacement::{DISPLACED_LIMIT, Displaced, bake_displacement, displace};
 pub use losses::losses;
 pub use names::Names;
 pub use surface::Surface;

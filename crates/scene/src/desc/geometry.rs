@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 
-use super::{BsdfId, Color, GroupId, MediumId, MeshId, ShapeId};
+use super::{BsdfId, Color, GroupId, MediumId, MeshId, Scalar, ShapeId};
 
 /// Values at vertices or faces of a mesh.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,6 +116,16 @@ pub struct EmissionDesc {
     pub group: String,
 }
 
+/// Vertices of a mesh that move along their normals, after its triangles were split until no edge is too long. The normals of what comes out are
+/// smooth. A mesh without normals moves along smooth ones; one without texture coordinates cannot be displaced.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct DisplacementDesc {
+    /// How far vertices move, in units of object space; negative values move them inwards.
+    pub height: Scalar,
+    /// What edges stay shorter than, in the space that `world_from_object` of the shape leads to; positive.
+    pub edge_length: f32,
+}
+
 /// A shape of the world or of a group.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShapeDesc {
@@ -133,12 +143,24 @@ pub struct ShapeDesc {
     pub interior: Option<MediumId>,
     /// What is on the other side.
     pub exterior: Option<MediumId>,
+    /// How its vertices move, where it is a mesh.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub displacement: Option<DisplacementDesc>,
 }
 
 impl ShapeDesc {
     /// A shape without material, light or media, placed by a transform.
     pub fn new(geometry: GeometryDesc, world_from_object: Mat4) -> Self {
-        Self { geometry, world_from_object, flip_normals: false, bsdf: None, emission: None, interior: None, exterior: None }
+        Self {
+            geometry,
+            world_from_object,
+            flip_normals: false,
+            bsdf: None,
+            emission: None,
+            interior: None,
+            exterior: None,
+            displacement: None,
+        }
     }
 }
 

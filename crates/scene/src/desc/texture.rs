@@ -231,3 +231,20 @@ pub enum TextureDesc {
         direction: Vec3,
     },
 }
+
+impl TextureDesc {
+    /// The textures that this one is made of.
+    pub fn parts(&self) -> Vec<TextureId> {
+        let of = |colors: &[Color]| colors.iter().filter_map(|c| if let Param::Texture(id) = c { Some(*id) } else { None }).collect();
+        match self {
+            Self::Checkerboard { color0: a, color1: b, .. } | Self::Multiply { a, b } => of(&[*a, *b]),
+            Self::Mix { a, b, weight } => {
+                let mut parts: Vec<TextureId> = of(&[*a, *b]);
+                parts.extend(if let Param::Texture(id) = weight { Some(*id) } else { None });
+                parts
+            }
+            Self::Affine { texture, .. } | Self::Power { texture, .. } | Self::Projected { texture, .. } => vec![*texture],
+            Self::Constant { .. } | Self::Bitmap(_) | Self::Attribute { .. } | Self::Solid { .. } | Self::Facing { .. } => Vec::new(),
+        }
+    }
+}

@@ -1,5 +1,7 @@
 //! From the description's shapes to flat geometry.
 
+use std::collections::HashMap;
+
 use etendue_scene::desc::{GeometryDesc, MeshData, Node, SceneDesc, ShapeDesc, ShapeId};
 use glam::{Mat3, Mat4, Vec2, Vec3};
 
@@ -11,6 +13,8 @@ use crate::shape::Shape;
 /// What objects refer to.
 pub(super) struct Context<'a> {
     pub desc: &'a SceneDesc,
+    /// The meshes of displaced shapes.
+    pub displaced: &'a HashMap<ShapeId, MeshData>,
     pub materials: &'a [Material],
     pub attributes: &'a mut Names,
     pub groups: &'a mut Names,
@@ -38,7 +42,7 @@ pub(super) fn build(shapes: &[Placed], ctx: &mut Context) -> Geometry {
         let shape = &node.value;
         let cube;
         let mesh = match &shape.geometry {
-            GeometryDesc::Mesh { mesh, .. } => ctx.desc[*mesh].value.data.as_ref(),
+            GeometryDesc::Mesh { mesh, .. } => ctx.displaced.get(&placed.shape).or(ctx.desc[*mesh].value.data.as_ref()),
             GeometryDesc::Cube => {
                 cube = cube_mesh();
                 Some(&cube)
@@ -104,6 +108,7 @@ fn add_mesh(g: &mut Geometry, mesh: &MeshData, shape: &ShapeDesc, m: Mat4, objec
         mesh.triangles.iter().map(|&[a, b, c]| if mirrors { [a + base, c + base, b + base] } else { [a + base, b + base, c + base] }),
     );
     let (face_normals, smooth) = match shape.geometry {
+        _ if shape.displacement.is_some() => (false, false),
         GeometryDesc::Mesh { face_normals, smooth, .. } => (face_normals, smooth),
         _ => (true, false),
     };

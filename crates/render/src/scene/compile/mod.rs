@@ -8,7 +8,7 @@ use etendue_scene::{Fault, RenderSettings, Severity, Span};
 use glam::Mat4;
 
 use super::geometry::{Geometry, Placement};
-use super::{Names, Scene};
+use super::{Names, Scene, displace};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
 use crate::camera::Camera;
 use crate::classic::ClassicWorld;
@@ -69,7 +69,7 @@ fn compile_triangles(desc: &SceneDesc, settings: &RenderSettings, size: [u32; 2]
     Ok(scene)
 }
 
-fn compile_with(
+pub(super) fn compile_with(
     desc: &SceneDesc,
     settings: &RenderSettings,
     size: [u32; 2],
@@ -82,8 +82,10 @@ fn compile_with(
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
     let textures = texture::compile(desc, &mut attributes, settings.mipmap)?;
+    let displaced = displace(desc)?;
     let mut ctx = Context {
         desc,
+        displaced: &displaced.meshes,
         materials: &materials,
         attributes: &mut attributes,
         groups: &mut groups,
@@ -100,7 +102,8 @@ fn compile_with(
         .collect();
     let accel = Accel::build(blases, instances);
     let has_null = solids.is_some() || geometries.iter().flat_map(|g| &g.objects).any(|o| materials[o.material as usize].has_null);
-    let (mut media, warnings) = medium::compile(desc);
+    let (mut media, mut warnings) = medium::compile(desc);
+    warnings.extend(displaced.warnings);
     let mut bounds = accel.bounds();
     let mut endless = geometries.iter().any(|g| g.shapes.iter().any(|s| matches!(s, Shape::Plane(_))));
     let mut geometries = geometries;

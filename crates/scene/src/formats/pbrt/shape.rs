@@ -9,7 +9,8 @@ use super::params::Params;
 use super::spectrum::SpectrumKind;
 use super::subdivision::{SubdivisionFault, subdivide};
 use crate::desc::{
-    AddNode, BsdfDesc, Color, EmissionDesc, GeometryDesc, MeshData, MeshDesc, MeshFormat, Node, Scalar, ShapeDesc, TextureDesc,
+    AddNode, BsdfDesc, Color, DisplacementDesc, EmissionDesc, GeometryDesc, MeshData, MeshDesc, MeshFormat, Node, Scalar, ShapeDesc,
+    TextureDesc,
 };
 
 /// Most triangles that all subdivided meshes of a scene may have.
@@ -21,11 +22,12 @@ const STEPS: u32 = 96;
 struct Made {
     geometry: GeometryDesc,
     object_from_geometry: Mat4,
+    displacement: Option<DisplacementDesc>,
 }
 
 impl From<GeometryDesc> for Made {
     fn from(geometry: GeometryDesc) -> Self {
-        Self { geometry, object_from_geometry: Mat4::IDENTITY }
+        Self { geometry, object_from_geometry: Mat4::IDENTITY, displacement: None }
     }
 }
 
@@ -57,6 +59,7 @@ impl Reader {
             emission,
             interior: self.state.interior,
             exterior: self.state.exterior,
+            displacement: made.displacement,
         };
         let id = self.desc.add(Node::new(p.span, shape));
         if let Some((_, shapes)) = &mut self.object {
@@ -129,7 +132,7 @@ impl Reader {
         let phi = p.float("phimax", 360.0, r).clamp(0.0, 360.0).to_radians();
         if inner == 0.0 && phi >= std::f32::consts::TAU {
             let object_from_geometry = Mat4::from_translation(Vec3::Z * height) * Mat4::from_scale(Vec3::new(radius, radius, 1.0));
-            return Some(Made { geometry: GeometryDesc::Disk, object_from_geometry });
+            return Some(Made { object_from_geometry, ..GeometryDesc::Disk.into() });
         }
         let mesh = revolved(phi, 1, |v| (Vec2::new(radius + (inner - radius) * v, height), Vec2::Y));
         Some(self.mesh(mesh, p))
@@ -236,10 +239,7 @@ impl Reader {
             r.error(p.span, "a plymesh needs a `filename`");
             return None;
         };
-        if p.has("displacement") {
-            p.ignore(&["displacement", "displacement.edgelength", "displacement.uvscale", "edgelength"]);
-            r.loss(p.span, "displacement of a plymesh", "the mesh without it");
-        }
+        let displacement = self.displacement(p)?;
         let path = self.resolve(&name, p.span)?;
         let mesh = match self.meshes.get(&path) {
             Some(id) => *id,
@@ -250,7 +250,20 @@ impl Reader {
                 id
             }
         };
-        Some(GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }.into())
+        Some(Made { displacement, ..GeometryDesc::Mesh { mesh, face_normals: false, smooth: false }.into() })
+    }
+
+    /// `displacement` of a plymesh; `Some(None)` where it has none, `None` with a fault where it is wrong.
+    fn displacement(&mut self, p: &Params) -> Option<Option<DisplacementDesc>> {
+        // The format's description and pbrt itself have two names for one parameter.
+        let name = if p.has("displacement.edgelength") { "displacement.edgelength" } else { "edgelength" };
+        if !p.has("displacement") {
+            p.ignore(&["displacement.edgelength", "edgelength"]);
+            return Some(None);
+        }
+        let edge_length = self.positive(p, name, 1.0)?;
+        let height = self.opt_scalar(p, "displacement")?;
+        Some(Some(DisplacementDesc { height, edge_length }))
     }
 
     fn loop_subdivision(&mut self, p: &Params) -> Option<Made> {

@@ -53,6 +53,9 @@ impl Writer<'_> {
 
     fn data(&mut self, id: ShapeId, shape: &ShapeDesc, colors: bool) -> Option<Written> {
         let span = self.desc[id].span;
+        if shape.displacement.is_some() {
+            self.loss(span, "displacement of a mesh", "the mesh without it");
+        }
         let &GeometryDesc::Mesh { mesh, face_normals, smooth } = &shape.geometry else {
             if matches!(shape.geometry, GeometryDesc::Plane) {
                 self.loss(span, "infinite plane", "written as a square of 2000 units");

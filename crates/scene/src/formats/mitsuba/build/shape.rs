@@ -67,7 +67,7 @@ impl<'t> Builder<'t> {
         if matches!(geometry, GeometryDesc::Sphere { .. } | GeometryDesc::Cylinder { .. }) {
             self.warn_uneven(p, world_from_object);
         }
-        Some(ShapeDesc { geometry, world_from_object, flip_normals, bsdf, emission, interior, exterior })
+        Some(ShapeDesc { flip_normals, bsdf, emission, interior, exterior, ..ShapeDesc::new(geometry, world_from_object) })
     }
 
     /// Mitsuba itself takes one radius; we render what the transform says.

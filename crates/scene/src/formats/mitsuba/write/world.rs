@@ -220,6 +220,9 @@ impl Writer<'_> {
     fn shape(&mut self, node: &Node<ShapeDesc>) -> io::Result<()> {
         let (span, shape) = (node.span, &node.value);
         let mut world_from_object = shape.world_from_object;
+        if shape.displacement.is_some() {
+            self.lose(span, "displacement of a mesh", "the mesh without it");
+        }
         match &shape.geometry {
             GeometryDesc::Mesh { mesh, face_normals, smooth } => {
                 let i = mesh.0 as usize;

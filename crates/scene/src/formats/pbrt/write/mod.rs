@@ -22,7 +22,8 @@ use crate::span::Span;
 /// # Errors
 /// An I/O error that names the file.
 pub fn write(desc: &SceneDesc, path: &Path) -> io::Result<Report> {
-    let mut writer = Writer { desc, text: String::new(), report: Report::default(), files: Sidecar::new(desc, path), tessellated: 0 };
+    let mut writer =
+        Writer { desc, text: String::new(), report: Report::default(), files: Sidecar::new(desc, path), tessellated: 0, heights: 0 };
     writer.settings()?;
     writer.line("WorldBegin");
     for i in 0..desc.textures.len() {
@@ -45,6 +46,8 @@ struct Writer<'d> {
     files: Sidecar,
     /// Meshes made of shapes that pbrt lacks.
     tessellated: u32,
+    /// Textures made of constant displacements.
+    heights: u32,
 }
 
 impl Writer<'_> {

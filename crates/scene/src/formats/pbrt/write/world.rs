@@ -149,6 +149,19 @@ impl Writer<'_> {
         Ok(())
     }
 
+    /// The name of the float texture of a displacement: pbrt takes no number in its place.
+    fn height(&mut self, height: Scalar) -> String {
+        match height {
+            Scalar::Texture(id) => format!("f{}", id.0),
+            Scalar::Constant(v) => {
+                self.heights += 1;
+                let name = format!("h{}", self.heights);
+                self.line(&format!("Texture \"{name}\" \"float\" \"constant\" \"float value\" {v}"));
+                name
+            }
+        }
+    }
+
     fn shape(&mut self, node: &Node<ShapeDesc>) -> io::Result<()> {
         let (span, shape) = (node.span, &node.value);
         let desc = self.desc;
@@ -162,6 +175,14 @@ impl Writer<'_> {
                 };
                 let name = self.files.mesh(*mesh, data)?;
                 let _ = write!(text, "\"plymesh\" \"string filename\" \"{name}\"");
+                if let Some(displacement) = &shape.displacement {
+                    let height = self.height(displacement.height);
+                    let _ = write!(
+                        text,
+                        " \"texture displacement\" \"{height}\" \"float displacement.edgelength\" {}",
+                        displacement.edge_length
+                    );
+                }
             }
             GeometryDesc::Sphere { center, radius } => {
                 m *= Mat4::from_translation(*center);
