@@ -139,7 +139,10 @@ fn lights_of_all_kinds() {
             let sky = (0..8 * 4 * 3).map(|i| 0.1 + (i * 7 % 11) as f32 * 0.1).collect();
             let image = picture(desc, 8, 4, 3, sky);
             let mapping = EnvironmentMapping::Equirectangular;
-            add(desc, LightDesc::Environment { image, scale: [1.0; 3], world_from_light: Mat4::from_rotation_x(1.57), mapping });
+            add(
+                desc,
+                LightDesc::Environment { image, scale: [1.0; 3], world_from_light: Mat4::from_rotation_x(1.57), mapping, portal: None },
+            );
         }),
         ("points", |desc| {
             add(desc, LightDesc::Point { position: Vec3::new(1.0, -1.0, 2.0), intensity: [5.0, 4.0, 3.0] });

@@ -48,6 +48,7 @@ fn everything() -> SceneDesc {
             scale: [1.0; 3],
             world_from_light: Mat4::from_rotation_x(1.57),
             mapping: EnvironmentMapping::Equirectangular,
+            portal: None,
         },
     );
     let spot = LightDesc::Spot {

@@ -135,7 +135,16 @@ fn lights() -> Vec<(&'static str, SceneDesc)> {
                 let data = (0..16 * 8 * 3).map(|i| if i % 7 == 0 { 10.0 } else { rnd(i) }).collect();
                 let image = picture(d, 16, 8, 3, data);
                 let mapping = EnvironmentMapping::Equirectangular;
-                add(d, LightDesc::Environment { image, scale: [1.0, 2.0, 0.5], world_from_light: Mat4::from_rotation_x(0.4), mapping });
+                add(
+                    d,
+                    LightDesc::Environment {
+                        image,
+                        scale: [1.0, 2.0, 0.5],
+                        world_from_light: Mat4::from_rotation_x(0.4),
+                        mapping,
+                        portal: None,
+                    },
+                );
             }),
         ),
     ]

@@ -36,7 +36,10 @@ fn room() -> SceneDesc {
     let texel = |i: u32| if i == 4 * width + 13 { [900.0, 800.0, 600.0] } else { [0.5, 0.7, 1.0].map(|c| c * (1.0 + (i % 5) as f32)) };
     let image = picture(&mut desc, width, height, 3, (0..width * height).flat_map(texel).collect());
     let world_from_light = Mat4::from_rotation_x(FRAC_PI_2);
-    add(&mut desc, LightDesc::Environment { image, scale: [1.0; 3], world_from_light, mapping: EnvironmentMapping::Equirectangular });
+    add(
+        &mut desc,
+        LightDesc::Environment { image, scale: [1.0; 3], world_from_light, mapping: EnvironmentMapping::Equirectangular, portal: None },
+    );
     perspective(&mut desc, Vec3::new(0.0, -0.95, 0.9), Vec3::new(0.0, 1.0, 0.8), 70.0);
     desc
 }

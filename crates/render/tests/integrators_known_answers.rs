@@ -364,7 +364,16 @@ fn an_environments_texel_shows_where_the_description_says() {
         let mut data = vec![0.0; (3 * width * height) as usize];
         data[(3 * (y * width + x)) as usize..][..3].copy_from_slice(&[5.0, 6.0, 7.0]);
         let image = picture(desc, width, height, 3, data);
-        add(desc, LightDesc::Environment { image, scale: [1.0, 0.5, 2.0], world_from_light, mapping: EnvironmentMapping::Equirectangular });
+        add(
+            desc,
+            LightDesc::Environment {
+                image,
+                scale: [1.0, 0.5, 2.0],
+                world_from_light,
+                mapping: EnvironmentMapping::Equirectangular,
+                portal: None,
+            },
+        );
     };
     // The panoramic camera and the picture share their conventions: the pictures are alike, whatever is between texels.
     let mut desc = scene();

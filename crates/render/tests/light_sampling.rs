@@ -207,7 +207,7 @@ fn infinite_lights_light_surfaces_as_quadrature_says() {
                 let wi = warp::uniform_sphere(u);
                 let ctx = LightContext { p: Vec3::ZERO, n };
                 density += f64::from(light.pdf_escaped(&ctx, wi));
-                let l = light.escaped(wi);
+                let l = light.escaped(Vec3::ZERO, wi);
                 assert!(l.is_black() || light.pdf_escaped(&ctx, wi) > 0.0, "{name}: light without density");
                 expected.iter_mut().enumerate().for_each(|(lane, e)| *e += f64::from(l[lane] * n.dot(wi).max(0.0)));
             }

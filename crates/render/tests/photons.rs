@@ -236,7 +236,7 @@ fn other_lights_and_path_lengths_agree() {
     let data = (0..16 * 8).flat_map(|i| if i == 37 { [60.0, 50.0, 30.0] } else { [0.4, 0.6, 1.0] }).collect();
     let image = picture(&mut sky, 16, 8, 3, data);
     let mapping = EnvironmentMapping::Equirectangular;
-    add(&mut sky, LightDesc::Environment { image, scale: [1.0; 3], world_from_light: Mat4::from_rotation_x(1.2), mapping });
+    add(&mut sky, LightDesc::Environment { image, scale: [1.0; 3], world_from_light: Mat4::from_rotation_x(1.2), mapping, portal: None });
     let mut many = room(false);
     for i in 0..40 {
         let (x, y) = ((i % 8) as f32 * 0.24 - 0.84, (i / 8) as f32 * 0.3 - 0.6);

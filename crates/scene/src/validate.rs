@@ -400,7 +400,10 @@ impl Checker<'_> {
                     }
                 }
                 LightDesc::Constant { radiance } => self.finite(span, radiance, "a light's radiance"),
-                LightDesc::Environment { image, scale, world_from_light, mapping: _ } => {
+                LightDesc::Environment { image, scale, world_from_light, mapping: _, portal } => {
+                    if portal.is_some_and(|corners| !is_rectangle(corners)) {
+                        self.report.error(span, "a light's portal must be the four corners of a rectangle, in turn");
+                    }
                     self.id(span, image.0, desc.images.len(), "image");
                     self.finite(span, scale, "a light's scale");
                     self.transform(span, *world_from_light);
@@ -480,6 +483,15 @@ pub fn picture_size(width: u32, height: u32) -> Result<(), String> {
         ));
     }
     Ok(())
+}
+
+/// Whether corners in turn are those of a rectangle: a thousandth off at most.
+fn is_rectangle(corners: [glam::Vec3; 4]) -> bool {
+    let [a, b, c, d] = corners.map(|p| p.as_dvec3());
+    let (x, y) = (b - a, d - a);
+    let size = x.length().min(y.length());
+    let near = |off: f64, scale: f64| off.abs() <= 1e-3 * scale;
+    size > 0.0 && size.is_finite() && near(x.dot(y), x.length() * y.length()) && near((c - b - y).length(), size)
 }
 
 fn is_unit(v: glam::Vec3) -> bool {

@@ -383,6 +383,44 @@ fn what_is_written_reads_the_same() {
     assert_eq!(text(&second).lines().count(), text(&path).lines().count());
 }
 
+/// A portal lies in the world, whatever the transform, and is written back.
+#[test]
+fn portals_are_rectangles_in_the_world() {
+    let folder = TempFolder::new("pbrt-portal");
+    std::fs::write(folder.path().join("sky.pfm"), b"PF\n1 1\n-1.0\n\0\0\x80\x3f\0\0\x80\x3f\0\0\x80\x3f").unwrap();
+    let scene = folder.path().join("scene.pbrt");
+    let parse = |portal: &str| {
+        let text = format!("WorldBegin Translate 7 0 0\nLightSource \"infinite\" {portal}\nShape \"sphere\"");
+        std::fs::write(&scene, text).unwrap();
+        read(&scene, &ReadOptions::default())
+    };
+    let portal_of = |desc: &SceneDesc| match desc.lights[0].value {
+        LightDesc::Environment { portal, .. } => portal,
+        _ => panic!("no map"),
+    };
+    let corners = "\"point3 portal\" [0 0 0  0 0 1  2 0 1  2 0 0]";
+    let desc = parse(&format!("\"string filename\" \"sky.pfm\" {corners}")).unwrap();
+    assert!(desc.report.losses.is_empty() && desc.report.faults.is_empty(), "{:?}", desc.report);
+    let expected = [Vec3::ZERO, Vec3::Z, Vec3::new(2.0, 0.0, 1.0), Vec3::new(2.0, 0.0, 0.0)];
+    assert_eq!(portal_of(&desc), Some(expected));
+    let written = folder.path().join("written.pbrt");
+    assert!(pbrt::write(&desc, &written).unwrap().losses.is_empty());
+    assert_eq!(portal_of(&read(&written, &ReadOptions::default()).unwrap()), Some(expected));
+    for (portal, told) in [
+        ("\"string filename\" \"sky.pfm\" \"point3 portal\" [0 0 0  0 0 1  2 0 1]", "2:52 a `portal` has four points"),
+        (
+            "\"string filename\" \"sky.pfm\" \"point3 portal\" [0 0 0  0 0 1  2 0 1  2 0 0.5]",
+            "2:1 a light's portal must be the four corners",
+        ),
+        ("\"string filename\" \"sky.pfm\" \"point3 portal\" [0 0 0  0 0 1  0 0 1  0 0 0]", "2:1 a light's portal must be the four corners"),
+        (corners, "2:1 a `portal` needs a picture"),
+    ] {
+        let Err(ReadError::Invalid { faults, .. }) = parse(portal) else { panic!("{portal}") };
+        let found = format!("{}:{} {}", faults[0].span.line, faults[0].span.column, faults[0].message);
+        assert!(found.starts_with(told), "{found} instead of {told}");
+    }
+}
+
 /// Full below, nothing but wisps above, and cut off by its box.
 #[test]
 fn clouds_are_grids() {

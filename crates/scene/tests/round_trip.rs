@@ -132,6 +132,7 @@ fn what_mitsuba_cannot_say_is_listed_as_lost() {
             scale: [1.0, 2.0, 3.0],
             world_from_light: Mat4::IDENTITY,
             mapping: EnvironmentMapping::EquirectangularOnPoles,
+            portal: None,
         },
     ));
     let path = folder.path().join("out.xml");

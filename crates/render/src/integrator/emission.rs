@@ -6,9 +6,11 @@
 
 use rayon::prelude::*;
 
+use super::light_sampling::transmittance;
 use super::volume_emission::{VolumeEmission, VolumeRay};
 use crate::accel::{Hit, Ray};
 use crate::light::{EmissionSample, Light, LightContext, LightSampler, LightSelection, SceneSphere, strength};
+use crate::math::hash::hash_words;
 use crate::math::{INV_PI, ONE_MINUS_EPSILON, Vec2, Vec3, warp};
 use crate::medium::MediumStack;
 use crate::sampler::HashRng;
@@ -29,7 +31,7 @@ pub struct Emission {
     pub group: u32,
     /// The ray; it starts so far off the light's surface that it does not meet it again.
     pub ray: Ray,
-    /// The point of the light, or for infinite lights one outside of the scene.
+    /// The point of the light, or for infinite lights one outside of the scene or in their window.
     pub p: Vec3,
     /// Unit normal of the light there, on the side of the ray; the ray's direction where it has none.
     pub n: Vec3,
@@ -147,6 +149,13 @@ impl EmissionSampler {
         };
         let radiance = match (&scene.lights[light as usize], &surface) {
             (Light::Area(area), Some(surface)) if area.textured => scene.emitted(surface, sample.d),
+            (Light::Portal(_), _) => {
+                // What is left of the light on its way to the window.
+                let mut rng =
+                    HashRng::new(hash_words([u_position.x, u_position.y, u_direction.x, u_direction.y].map(|u| u64::from(u.to_bits()))));
+                let way = Ray::new(sample.o, -sample.d);
+                sample.radiance * transmittance(scene, way, &self.media(light), false, &mut rng)
+            }
             _ => sample.radiance,
         };
         let o = surface.as_ref().map_or(sample.o, |s| s.offset_origin(sample.d));
@@ -178,6 +187,7 @@ impl EmissionSampler {
                 let from = p - self.sphere.center;
                 self.sphere.pdf_across((from - d * from.dot(d)).length_squared())
             }
+            Light::Portal(portal) => portal.pdf_position(d),
         }
     }
 
@@ -193,6 +203,7 @@ impl EmissionSampler {
             Light::Spot(spot) => spot.pdf_emit(d),
             Light::Picture(picture) => picture.pdf_emit(d),
             Light::Directional(_) => 1.0,
+            Light::Portal(portal) => portal.pdf_emit(d),
             other => other.pdf_escaped(&LightContext { p: Vec3::ZERO, n: Vec3::ZERO }, -d),
         }
     }
@@ -202,7 +213,7 @@ impl EmissionSampler {
 /// without end may be between the light and the disk where other rays start.
 fn emit(scene: &Scene, sphere: &SceneSphere, light: &Light, u_position: Vec2, u_direction: Vec2) -> Option<EmissionSample> {
     let mut sample = light.emit(sphere, u_position, u_direction)?;
-    if sphere.endless && light.is_infinite() {
+    if sphere.endless && light.is_infinite() && !matches!(light, Light::Portal(_)) {
         let mut surfaces = 0;
         while let Some(s) = scene.intersect(&Ray::new(sample.o, -sample.d)) {
             surfaces += 1;
@@ -217,6 +228,9 @@ fn emit(scene: &Scene, sphere: &SceneSphere, light: &Light, u_position: Vec2, u_
 
 /// The media at a light, a little before it on the side to which it shines.
 fn media_of(scene: &Scene, sphere: &SceneSphere, light: &Light) -> MediumStack {
+    if let Light::Portal(portal) = light {
+        return media_at(scene, portal.center() - portal.normal() * (1e-4 * sphere.radius));
+    }
     match emit(scene, sphere, light, Vec2::splat(0.5), Vec2::splat(0.5)) {
         Some(start) => media_at(scene, start.o + start.d * (1e-4 * sphere.radius)),
         None => scene.camera_medium,

@@ -140,7 +140,7 @@ pub(super) fn emitted_along(
         }
         let Some(s) = hit else {
             for &light in &scene.infinite_lights {
-                let radiance = scene.lights[light as usize].escaped(ray.d);
+                let radiance = scene.lights[light as usize].escaped(ctx.p, ray.d);
                 if !radiance.is_black() {
                     sum += through * radiance * power_heuristic(pdf, pdf_infinite(scene, ctx, light, ray.d));
                 }

@@ -541,7 +541,7 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
             let (radiance, pdf) = infinite(scene, &last.ctx, light, d);
             (radiance, power_heuristic(last.pdf, pdf))
         } else {
-            (scene.lights[light as usize].escaped(d), 1.0)
+            (scene.lights[light as usize].escaped(last.ctx.p, d), 1.0)
         };
         if !radiance.is_black() {
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);

@@ -201,7 +201,7 @@ fn add_infinite(scene: &Scene, d: Vec3, throughput: Spectrum, last: &Vertex, dep
         return;
     }
     for &light in &scene.infinite_lights {
-        let radiance = scene.lights[light as usize].escaped(d);
+        let radiance = scene.lights[light as usize].escaped(last.ctx.p, d);
         if !radiance.is_black() {
             let weight = if last.pdf.is_finite() { power_heuristic(last.pdf, pdf_infinite_alone(scene, &last.ctx, light, d)) } else { 1.0 };
             out.add(throughput * radiance * weight, scene.light_groups[light as usize]);

@@ -81,7 +81,7 @@ impl Integrator for Radiosity {
             let Some(s) = scene.intersect(&ray) else {
                 if !is_hidden {
                     for &light in &scene.infinite_lights {
-                        let radiance = scene.lights[light as usize].escaped(ray.d);
+                        let radiance = scene.lights[light as usize].escaped(ray.o, ray.d);
                         out.add(throughput * radiance, scene.light_groups[light as usize]);
                     }
                 }
@@ -182,7 +182,7 @@ impl Radiosity {
                 let Some(hit) = scene.intersect(&ray) else {
                     for &light in &scene.infinite_lights {
                         let weight = power_heuristic(sample.pdf, pdf_infinite(scene, &ctx, light, ray.d));
-                        let radiance = scene.lights[light as usize].escaped(ray.d);
+                        let radiance = scene.lights[light as usize].escaped(ctx.p, ray.d);
                         out.add(value * radiance * weight, scene.light_groups[light as usize]);
                     }
                     break;

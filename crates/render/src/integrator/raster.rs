@@ -143,7 +143,7 @@ impl Integrator for Raster {
         let Some((mut s, instance)) = found else {
             if !scene.hide_lights {
                 for &light in &scene.infinite_lights {
-                    let radiance = scene.lights[light as usize].escaped(ray.d);
+                    let radiance = scene.lights[light as usize].escaped(ray.o, ray.d);
                     out.add(radiance * camera_ray.weight, scene.light_groups[light as usize]);
                 }
             }

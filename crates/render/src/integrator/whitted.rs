@@ -74,7 +74,7 @@ impl Integrator for Whitted {
             let Some(s) = found else {
                 if at.depth > 0 || !scene.hide_lights {
                     for &light in &scene.infinite_lights {
-                        let radiance = scene.lights[light as usize].escaped(at.ray.d);
+                        let radiance = scene.lights[light as usize].escaped(at.ray.o, at.ray.d);
                         out.add(throughput * radiance, scene.light_groups[light as usize]);
                     }
                 }

@@ -211,6 +211,26 @@ impl EnvironmentLight {
         self.mean
     }
 
+    /// ∫ L cos θ over the directions on the side of a unit normal: what comes through a unit of area from that side.
+    pub(super) fn flux_through(&self, n: Vec3) -> Spectrum {
+        // The map in as many cells as it has, at least so many that the cosine is even in each.
+        let (columns, rows) = (self.width.max(64), self.height.max(32));
+        let of_row = |y: usize| {
+            let mut sum = [0.0f64; 3];
+            for x in 0..columns {
+                let uv = Vec2::new((x as f32 + 0.5) / columns as f32, (y as f32 + 0.5) / rows as f32);
+                let (d, sin_theta) = Self::direction_from_uv(uv);
+                let cos = (self.world_from_light * d).dot(n).max(0.0) * sin_theta;
+                let radiance = self.lookup(uv);
+                sum.iter_mut().enumerate().for_each(|(k, s)| *s += f64::from(radiance[k] * cos));
+            }
+            sum
+        };
+        let of_rows: Vec<[f64; 3]> = (0..rows).into_par_iter().map(of_row).collect();
+        let cell = 2.0 * std::f64::consts::PI.powi(2) / (columns * rows) as f64;
+        Spectrum::from_rgb(std::array::from_fn(|k| (of_rows.iter().map(|r| r[k]).sum::<f64>() * cell) as f32))
+    }
+
     /// The density of `sample` for a unit direction in the world.
     #[inline]
     pub fn pdf(&self, wi: Vec3) -> f32 {

@@ -25,6 +25,7 @@ pub mod environment;
 pub mod equal_area;
 pub mod picture;
 pub mod point;
+pub mod portal;
 pub mod sampler;
 pub mod spot;
 mod sun_table;
@@ -39,6 +40,7 @@ pub use directional::{DirectionalLight, SunLight};
 pub use environment::{EnvironmentLight, Rows};
 pub use picture::PictureLight;
 pub use point::PointLight;
+pub use portal::PortalLight;
 pub use sampler::{LightSampler, LightSelection};
 pub use spot::SpotLight;
 pub use visibility::EnvironmentVisibility;
@@ -80,7 +82,7 @@ pub struct LightSample {
 /// A sampled ray that leaves a light, for methods that trace from the lights.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EmissionSample {
-    /// Start of the ray; outside of the scene for infinite lights.
+    /// Start of the ray; for infinite lights outside of the scene, or in the window that their light comes through.
     pub o: Vec3,
     /// Unit direction.
     pub d: Vec3,
@@ -198,6 +200,8 @@ lights! {
     Constant(ConstantLight),
     /// A picture all round.
     Environment(Box<EnvironmentLight>),
+    /// A picture all round, behind a window.
+    Portal(Box<PortalLight>),
 }
 
 impl Light {
@@ -211,10 +215,12 @@ impl Light {
         }
     }
 
-    /// Radiance that arrives from the unit direction `wi` where a ray leaves the scene; zero for lights that are not infinite.
+    /// Radiance that arrives at the point `o` from the unit direction `wi` where a ray leaves the scene; zero for lights that are not infinite.
+    /// `o` is the point where the ray was last scattered, or the camera.
     #[inline]
-    pub fn escaped(&self, wi: Vec3) -> Spectrum {
+    pub fn escaped(&self, o: Vec3, wi: Vec3) -> Spectrum {
         match self {
+            Self::Portal(l) => l.radiance(o, wi),
             Self::Sun(l) => l.radiance(wi),
             Self::Constant(l) => l.radiance,
             Self::Environment(l) => l.radiance(wi),
@@ -229,6 +235,7 @@ impl Light {
             Self::Sun(l) => l.pdf(wi),
             Self::Constant(l) => l.pdf(ctx, wi),
             Self::Environment(l) => l.pdf(wi),
+            Self::Portal(l) => l.pdf(ctx, wi),
             _ => 0.0,
         }
     }
@@ -248,7 +255,7 @@ impl Light {
     pub fn escaped_and_pdf_compensated(&self, ctx: &LightContext, wi: Vec3) -> (Spectrum, f32) {
         match self {
             Self::Environment(l) => l.radiance_and_pdf_compensated(wi),
-            _ => (self.escaped(wi), self.pdf_escaped_compensated(ctx, wi)),
+            _ => (self.escaped(ctx.p, wi), self.pdf_escaped_compensated(ctx, wi)),
         }
     }
 
@@ -264,7 +271,7 @@ impl Light {
     /// Whether the light is infinitely far away.
     #[inline]
     pub fn is_infinite(&self) -> bool {
-        matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Constant(_) | Self::Environment(_))
+        matches!(self, Self::Directional(_) | Self::Sun(_) | Self::Constant(_) | Self::Environment(_) | Self::Portal(_))
     }
 
     /// Whether no ray can meet the light by chance.

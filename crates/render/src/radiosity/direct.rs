@@ -63,7 +63,7 @@ fn sky(scene: &Scene, light: &Light, ctx: &LightContext, random: PairRandom, bas
         }
         let share = super::form_factor::passes(scene, Ray::new(offset(ctx.p, ctx.n), wi));
         if share > 0.0 {
-            let e = light.escaped(wi) * (cos * share / (pdf * SKY_SAMPLES as f32));
+            let e = light.escaped(ctx.p, wi) * (cos * share / (pdf * SKY_SAMPLES as f32));
             if e.is_finite() {
                 sum += e.map(|v| v.min(1e18));
             }

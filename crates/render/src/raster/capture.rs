@@ -56,7 +56,7 @@ fn capture_one(lighting: &Lighting, sampled: bool, scene: &Scene, triangles: &Tr
             let (face, y, x) = (i / (CAPTURE * CAPTURE), i / CAPTURE % CAPTURE, i % CAPTURE);
             let (o, d) = views[face].line_of_sight(glam::DVec2::new(x as f64 + 0.5, y as f64 + 0.5));
             let wi = d.as_vec3().normalize();
-            let sky = || (Spectrum::ZERO, Spectrum::ZERO, escaped(scene, wi));
+            let sky = || (Spectrum::ZERO, Spectrum::ZERO, escaped(scene, center, wi));
             let Some((id, _)) = buffers[face].at(x as u32, y as u32) else { return sky() };
             let Some(s) = surface_at(scene, triangles, id, o, d) else { return sky() };
             let instance = triangles.locate(id).map_or(0, |l| l.instance);

@@ -105,6 +105,8 @@ pub struct Lighting {
     /// By placement and object.
     captured: BTreeMap<(u32, u32), Environment>,
     table: ReflectanceTable,
+    /// Whether there are portals, whose light is seen alone.
+    has_portals: bool,
     /// Light that has been solved beforehand and takes the place of all lights but mirrors'.
     solved: Option<Arc<dyn SurfaceLight>>,
 }
@@ -133,6 +135,7 @@ impl Lighting {
             sky: None,
             captured: BTreeMap::new(),
             table: ReflectanceTable::default(),
+            has_portals: false,
             solved,
             options,
         };
@@ -164,11 +167,12 @@ impl Lighting {
 
     /// The surroundings that are infinitely far.
     fn draw_sky(&mut self, scene: &Scene) {
+        self.has_portals = scene.lights.iter().any(|l| matches!(l, Light::Portal(_)));
         let is_sky = |l: &Light| matches!(l, Light::Constant(_) | Light::Environment(_));
         if self.options.environment == EnvironmentSource::None || !scene.lights.iter().any(is_sky) {
             return;
         }
-        let escaped = |d: Vec3| scene.lights.iter().filter(|l| is_sky(l)).fold(Spectrum::ZERO, |sum, l| sum + l.escaped(d));
+        let escaped = |d: Vec3| scene.lights.iter().filter(|l| is_sky(l)).fold(Spectrum::ZERO, |sum, l| sum + l.escaped(Vec3::ZERO, d));
         // Four directions a texel: pictures may be finer than the cube.
         let cube = Cube::new(CAPTURE, |face, x, y, _| {
             let at = |dx: f32, dy: f32| escaped(direction(CAPTURE, face, x as f32 + dx, y as f32 + dy));
@@ -182,7 +186,9 @@ impl Lighting {
         if !self.options.sampled || self.solved.is_some() {
             return;
         }
-        let sky = scene.infinite_lights.iter().filter(|l| !self.group_of_light.contains_key(l));
+        // What comes through a portal differs from place to place: no map of one direction shows it.
+        let has_map = |l: &&u32| !self.group_of_light.contains_key(l) && !matches!(scene.lights[**l as usize], Light::Portal(_));
+        let sky = scene.infinite_lights.iter().filter(has_map);
         let all: Vec<Vec<u32>> = self.groups.iter().map(|g| g.lights.clone()).chain(sky.map(|l| vec![*l])).collect();
         let sampler = Sampler { kind: SamplerKind::Sobol, seed: hash_words([seed, 0x5eed]), spp: 1 };
         self.pass.clear();
@@ -256,6 +262,9 @@ impl Lighting {
         }
         if !self.captured.is_empty() {
             notes.push(format!("raster: {} environment maps captured from the middles of reflecting objects", self.captured.len()));
+        }
+        if self.has_portals {
+            notes.push("raster: light that comes through portals of the sky is missing: `path` has it".to_owned());
         }
         if self.sky.is_some() && !self.options.sampled {
             notes.push("raster: light from the sky is not shadowed (give --shadow-maps sampled)".to_owned());
@@ -394,7 +403,7 @@ impl Lighting {
                     let radiance = match environment.filter(|e| !e.is_sky()) {
                         Some(e) => e.mirrored(s.p, wi, correction),
                         // Sharper than the map.
-                        None => escaped(scene, wi),
+                        None => escaped(scene, s.p, wi),
                     };
                     out.add(b.value * radiance * weight, 0);
                 }
@@ -463,9 +472,9 @@ fn direction(size: usize, face: usize, x: f32, y: f32) -> Vec3 {
     (p.forward.as_vec3() + p.right.as_vec3() * (x * scale - 1.0) + p.up.as_vec3() * (1.0 - y * scale)).normalize()
 }
 
-/// Radiance from beyond the scene.
-pub(super) fn escaped(scene: &Scene, d: Vec3) -> Spectrum {
-    scene.infinite_lights.iter().fold(Spectrum::ZERO, |sum, l| sum + scene.lights[*l as usize].escaped(d))
+/// Radiance from beyond the scene that comes to a point.
+pub(super) fn escaped(scene: &Scene, o: Vec3, d: Vec3) -> Spectrum {
+    scene.infinite_lights.iter().fold(Spectrum::ZERO, |sum, l| sum + scene.lights[*l as usize].escaped(o, d))
 }
 
 #[inline]

@@ -108,7 +108,7 @@ pub fn light_groups(scene: &Scene) -> Vec<LightGroup> {
                     by_object.entry(*object).or_default().push(index);
                 }
             }
-            Light::Constant(_) | Light::Environment(_) => {}
+            Light::Constant(_) | Light::Environment(_) | Light::Portal(_) => {}
         }
     }
     for (object, lights) in by_object {

@@ -19,7 +19,7 @@ impl Integrator for Naive {
         for _ in 0..1000 {
             let Some(s) = scene.intersect(&ray) else {
                 for &light in &scene.infinite_lights {
-                    out.add(throughput * scene.lights[light as usize].escaped(ray.d), 0);
+                    out.add(throughput * scene.lights[light as usize].escaped(ray.o, ray.d), 0);
                 }
                 return;
             };

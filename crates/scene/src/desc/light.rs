@@ -104,6 +104,10 @@ pub enum LightDesc {
         world_from_light: Mat4,
         /// How directions lie in the picture.
         mapping: EnvironmentMapping,
+        /// The corners, in turn, of a rectangle in the world through which alone the light comes: a point sees the picture where its line of sight
+        /// passes the rectangle in the direction of (corner 3 − corner 0) × (corner 1 − corner 0). `None`: it comes from everywhere.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        portal: Option<[Vec3; 4]>,
     },
     /// Sky and sun by a physical model.
     SunSky(Box<SunSkyDesc>),

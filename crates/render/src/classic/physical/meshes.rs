@@ -267,7 +267,7 @@ impl Meshing<'_> {
         let source = ImageSource::Pixels { width: width as u32, height: height as u32, channels: 3, data };
         let image = self.desc.add(Node::new(Span::default(), ImageDesc { source }));
         let (scale, world_from_light) = ([1.0; 3], Mat4::IDENTITY);
-        let light = LightDesc::Environment { image, scale, world_from_light, mapping: EnvironmentMapping::Equirectangular };
+        let light = LightDesc::Environment { image, scale, world_from_light, mapping: EnvironmentMapping::Equirectangular, portal: None };
         self.desc.lights.push(Node::new(Span::default(), light));
     }
 

@@ -112,7 +112,7 @@ impl Bidirectional {
             return;
         }
         for &light in &scene.infinite_lights {
-            let radiance = scene.lights[light as usize].escaped(e.d);
+            let radiance = scene.lights[light as usize].escaped(before.map_or(e.from, |v| v.p), e.d);
             if radiance.is_black() {
                 continue;
             }

@@ -76,6 +76,8 @@ pub struct LightStart {
 pub struct Escape {
     /// Direction, unit.
     pub d: Vec3,
+    /// Where it was last scattered, or the camera.
+    pub from: Vec3,
     /// What it carries.
     pub beta: Spectrum,
     /// Density of the direction per solid angle at the last vertex that scattered.
@@ -293,7 +295,7 @@ impl Bidirectional {
         let own = emission.pmf * if light.is_infinite() { emission.pdf_direction } else { emission.pdf_position };
         let media = sampler.media(emission.light);
         let mut power = emission.power();
-        if let Some(medium) = scene.medium(&media).filter(|_| light.is_infinite()) {
+        if let Some(medium) = scene.medium(&media).filter(|_| light.is_infinite() && !matches!(light, Light::Portal(_))) {
             // What fills the space without end lets nothing in from there.
             let behind = Ray::new(emission.p, -emission.ray.d);
             power *= medium.transmittance(&behind, f32::INFINITY, &mut numbers.rng());
@@ -376,7 +378,7 @@ impl Bidirectional {
             let p = match (&scattered, &found) {
                 (Some((t, _)), _) => ray.at(*t),
                 (None, Some(s)) => s.p,
-                (None, None) => return Some(Escape { d: ray.d, beta, pdf, previous }),
+                (None, None) => return Some(Escape { d: ray.d, from, beta, pdf, previous }),
             };
             let wo = -ray.d;
             let place = match (&scattered, found) {

@@ -451,7 +451,7 @@ impl Source {
 fn size(scene: &Scene, light: usize, casters: &Casters) -> Option<Size> {
     match &scene.lights[light] {
         Light::Point(_) | Light::Spot(_) | Light::Picture(_) | Light::Directional(_) | Light::Sun(_) => Some(Size::Small),
-        Light::Constant(_) | Light::Environment(_) => None,
+        Light::Constant(_) | Light::Environment(_) | Light::Portal(_) => None,
         Light::Area(area) => {
             let source = scene.light_sources.get(area.emission_id as usize)?;
             let object = scene.geometries.first()?.objects.get(source.object as usize)?;

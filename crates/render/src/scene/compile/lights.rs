@@ -7,7 +7,7 @@ use etendue_scene::{Fault, RenderSettings, Severity, Span};
 
 use crate::light::{
     AreaGeometry, AreaLight, ConstantLight, DirectionalLight, EnvironmentLight, EnvironmentVisibility, Light, LightSampler, LightSelection,
-    PictureLight, PointLight, Rows, SpotLight, equal_area,
+    PictureLight, PointLight, PortalLight, Rows, SpotLight, equal_area,
 };
 use crate::scene::geometry::NONE;
 use crate::scene::{LightSource, Scene};
@@ -145,7 +145,7 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
             vec![Light::Directional(DirectionalLight::new(*direction, *irradiance).ok_or_else(nothing)?)]
         }
         LightDesc::Constant { radiance } => vec![Light::Constant(ConstantLight { radiance: Spectrum::from_rgb(*radiance) })],
-        LightDesc::Environment { image, scale, world_from_light, mapping } => {
+        LightDesc::Environment { image, scale, world_from_light, mapping, portal } => {
             let texels = texture::decode(desc, *image, Encoding::Auto)?;
             let pixels = (0..texels.height).flat_map(|y| (0..texels.width).map(move |x| (x, y)));
             let mut rgb: Vec<[f32; 3]> = pixels.map(|(x, y)| texels.get(x, y)).map(|[r, g, b, _]| [r, g, b]).collect();
@@ -158,7 +158,10 @@ fn make(desc: &SceneDesc, light: &LightDesc) -> Result<Vec<Light>, String> {
             }
             let rows = if *mapping == EnvironmentMapping::EquirectangularOnPoles { Rows::OnPoles } else { Rows::Centered };
             let light = EnvironmentLight::new(size, rgb, *scale, *world_from_light, rows).ok_or_else(nothing)?;
-            vec![Light::Environment(Box::new(light))]
+            match portal {
+                Some(corners) => vec![Light::Portal(Box::new(PortalLight::new(light, *corners).ok_or_else(nothing)?))],
+                None => vec![Light::Environment(Box::new(light))],
+            }
         }
         LightDesc::SunSky(sky) => crate::light::sunsky::lights(sky).ok_or_else(nothing)?,
     })

@@ -19,10 +19,6 @@ impl Reader {
         let power = p.opt_float("power", r).filter(|v| *v > 0.0);
         let from = p.vector("from", Vec3::ZERO, r);
         let to = p.vector("to", Vec3::Z, r);
-        p.ignore(&["portal"]);
-        if p.has("portal") {
-            r.loss(p.span, "portal of an infinite light", "ignored");
-        }
         let light = match name {
             "goniometric" if p.has("filename") => {
                 // The map's middle is +y, as the format turns it.
@@ -117,7 +113,12 @@ impl Reader {
     fn infinite(&mut self, p: &Params, scale: f32) -> Option<LightDesc> {
         let r = &mut self.desc.report;
         let illuminance = p.opt_float("illuminance", r).filter(|v| *v > 0.0);
+        let portal = self.portal(p)?;
+        let r = &mut self.desc.report;
         let Some(name) = p.opt_text("filename", r).map(str::to_owned) else {
+            if portal.is_some() {
+                r.error(p.span, "a `portal` needs a picture: `filename`");
+            }
             // The same radiance from everywhere gives π times it.
             let scale = illuminance.map_or(scale, |e| scale * e / std::f32::consts::PI);
             return Some(LightDesc::Constant { radiance: self.radiance(p, "L", scale) });
@@ -132,7 +133,19 @@ impl Reader {
         let span = p.get("filename").map_or(p.span, |q| q.span);
         let image = self.image(&name, span)?;
         let world_from_light = turned(self.state.transform().as_mat4());
-        Some(LightDesc::Environment { image, scale: [scale; 3], world_from_light, mapping: EnvironmentMapping::EqualAreaSquare })
+        Some(LightDesc::Environment { image, scale: [scale; 3], world_from_light, mapping: EnvironmentMapping::EqualAreaSquare, portal })
+    }
+
+    /// The `portal` of an infinite light, in the world whatever the transform; `None` with a fault where it has not four corners.
+    fn portal(&mut self, p: &Params) -> Option<Option<[Vec3; 4]>> {
+        let Some(q) = p.get("portal") else { return Some(None) };
+        let span = q.span;
+        let corners = p.vectors("portal", &mut self.desc.report);
+        let found = <[Vec3; 4]>::try_from(corners);
+        if found.is_err() {
+            self.error(span, "a `portal` has four points");
+        }
+        found.ok().map(Some)
     }
 }
 

@@ -67,6 +67,7 @@ impl<'t> Builder<'t> {
                     scale: [scale; 3],
                     world_from_light,
                     mapping: EnvironmentMapping::EquirectangularOnPoles,
+                    portal: None,
                 })
             }
             "sunsky" | "sky" | "sun" => self.sun_sky(&mut p),

@@ -336,7 +336,10 @@ impl Writer<'_> {
                 self.xml.open("emitter", "constant", "");
                 self.xml.triple("rgb", "radiance", *radiance);
             }
-            LightDesc::Environment { image, scale, world_from_light, mapping } => {
+            LightDesc::Environment { image, scale, world_from_light, mapping, portal } => {
+                if portal.is_some() {
+                    self.lose(span, "portal of an environment light", "light from everywhere");
+                }
                 match mapping {
                     EnvironmentMapping::EquirectangularOnPoles => {}
                     EnvironmentMapping::Equirectangular => {

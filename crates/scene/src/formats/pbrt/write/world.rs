@@ -307,7 +307,7 @@ impl Writer<'_> {
                     self.text.push_str("LightSource \"infinite\"");
                     self.rgb("L", *radiance);
                 }
-                LightDesc::Environment { image, scale, world_from_light, mapping } => {
+                LightDesc::Environment { image, scale, world_from_light, mapping, portal } => {
                     if *mapping != EnvironmentMapping::EqualAreaSquare {
                         self.lose(
                             span,
@@ -323,6 +323,14 @@ impl Writer<'_> {
                     let name = self.files.image(desc, *image)?;
                     self.string("filename", &name);
                     self.float("scale", scale.iter().sum::<f32>() / 3.0);
+                    if let Some(corners) = portal {
+                        // In the world, whatever the transform.
+                        self.text.push_str(" \"point3 portal\" [");
+                        for p in corners {
+                            let _ = write!(self.text, " {} {} {}", p.x, p.y, p.z);
+                        }
+                        self.text.push_str(" ]");
+                    }
                 }
                 LightDesc::SunSky(_) => self.lose(span, "sun and sky", "left out"),
             }
