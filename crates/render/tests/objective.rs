@@ -19,7 +19,7 @@ fn method(name: &str, spp: u32) -> RenderSettings {
 fn objective(focus_distance: f32) -> ProjectionDesc {
     let surface = |curvature_radius, thickness, ior, aperture_radius| LensInterface { curvature_radius, thickness, ior, aperture_radius };
     let interfaces = vec![surface(0.0, 0.0, 1.0, 0.005), surface(0.1, 0.001, 1.5, 0.03), surface(-0.1, 0.1, 1.0, 0.03)];
-    ProjectionDesc::Objective(ObjectiveDesc { interfaces, film_diagonal: 0.08, focus_distance })
+    ProjectionDesc::Objective(ObjectiveDesc { interfaces, film_diagonal: 0.08, focus_distance, stop: StopShape::Circle })
 }
 
 fn look(desc: &mut SceneDesc, from: Vec3, to: Vec3, projection: ProjectionDesc) {
@@ -48,6 +48,50 @@ fn the_film_darkens_with_the_fourth_power_of_the_cosine() {
         assert!((found / wanted - 1.0).abs() < 0.04, "({x}, {y}): {found} instead of {wanted}");
     }
     assert!(picture.channel("A").is_none_or(|a| a.iter().all(|v| *v < 1e-3)), "a sky has no surface");
+}
+
+/// A lamp out of focus is as large as the stop and has its shape, and all shapes give as much light.
+#[test]
+fn lamps_out_of_focus_have_the_shape_of_the_stop() {
+    let lamp = |stop: StopShape, distance: f32| {
+        let mut desc = scene();
+        let black = diffuse(&mut desc, 0.0);
+        // Through a picture of which the upper left quarter is white.
+        picture(&mut desc, 2, 2, 1, vec![1.0, 0.0, 0.0, 0.0]);
+        let lamp = sphere(&mut desc, Vec3::new(0.0, 0.0, -distance), 0.0012 * distance, Some(black));
+        emit(&mut desc, lamp, Color::gray(1000.0));
+        let ProjectionDesc::Objective(mut objective) = objective(if distance < 1.5 { 3.0 } else { 0.6 }) else { panic!() };
+        // Thick enough for its edge.
+        (objective.interfaces[0].aperture_radius, objective.interfaces[1].thickness) = (0.01, 0.01);
+        (objective.stop, objective.film_diagonal) = (stop, if distance < 1.5 { 0.003 } else { 0.02 });
+        look(&mut desc, Vec3::ZERO, Vec3::NEG_Z, ProjectionDesc::Objective(objective));
+        let settings = RenderSettings { max_depth: Some(0), ..settings(36, 36, 2048) };
+        let image = render(&desc, &RenderSettings { integrator: Some("path".into()), ..settings }).develop();
+        image.channel("G").unwrap().to_vec()
+    };
+    let sums = |v: &[f32]| v.iter().fold([0.0f64; 2], |s, v| [s[0] + f64::from(*v), s[1] + f64::from(v * v)]);
+    let circle = sums(&lamp(StopShape::Circle, 1.0));
+    let pi = std::f64::consts::PI;
+    for (stop, area) in
+        [(StopShape::Square, 1.0 / pi), (StopShape::Pentagon, 0.4845), (StopShape::Star, 0.3574), (StopShape::Gaussian, 0.6)]
+    {
+        let found = sums(&lamp(stop, 1.0));
+        let (energy, spread) = (found[0] / circle[0], found[0] * found[0] / found[1] / (circle[0] * circle[0] / circle[1]));
+        println!("{stop:?}: energy {energy}, area {spread}, sharp {area}");
+        assert!((energy - 1.0).abs() < 0.03, "{stop:?}: {energy}");
+        // The lamp's own image makes the shape a little larger.
+        assert!(spread > 0.95 * area && spread < 1.7 * area, "{stop:?}: {spread} instead of {area}");
+    }
+    // Beyond the focus lamps show the stop upright, before it upside down.
+    for (distance, side) in [(1.0, -1.0), (4.0, 1.0)] {
+        let found = lamp(StopShape::Picture(ImageId(0)), distance);
+        let middle = found.iter().enumerate().fold([0.0f64; 3], |s, (i, v)| {
+            let v = f64::from(*v);
+            [s[0] + v, s[1] + v * ((i % 36) as f64 - 17.5), s[2] + v * ((i / 36) as f64 - 17.5)]
+        });
+        println!("at {distance}: {} {}", middle[1] / middle[0], middle[2] / middle[0]);
+        assert!(middle[1] * side < -2.0 * middle[0] && middle[2] * side < -2.0 * middle[0], "{distance}: {middle:?}");
+    }
 }
 
 /// A room with a lamp, sharp in the middle.
@@ -79,4 +123,14 @@ fn who_joins_paths_to_the_camera_refuses() {
         let error = session(&room(), &s).render(&Stop { spp: Some(1), ..Stop::default() }, &Cancel::default(), &Silent).unwrap_err();
         assert!(error.to_string().contains("objective"), "{name}: {error}");
     }
+}
+
+#[test]
+fn a_stop_that_lets_nothing_through_is_refused() {
+    let mut desc = room();
+    picture(&mut desc, 2, 1, 1, vec![0.0, f32::NAN]);
+    let ProjectionDesc::Objective(objective) = &mut desc.cameras[0].value.projection else { panic!() };
+    objective.stop = StopShape::Picture(ImageId(0));
+    let Err(faults) = etendue_render::scene::compile(&desc, &method("path", 1), [24, 16]) else { panic!("a black picture") };
+    assert_eq!(faults[0].message, "the picture of a camera's aperture is black");
 }

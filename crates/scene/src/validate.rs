@@ -5,7 +5,7 @@ use glam::{Mat3, Mat4};
 
 use crate::desc::{
     BsdfDesc, Color, DisplacementDesc, EmissionSource, GeometryDesc, ImageSource, LightDesc, MediumDesc, MeshData, Param, PatternSpace,
-    PhaseDesc, PictureMapping, ProjectionDesc, Scalar, SceneDesc, ShapeDesc, TextureDesc, TextureId, VOLUME_LIMIT,
+    PhaseDesc, PictureMapping, ProjectionDesc, Scalar, SceneDesc, ShapeDesc, StopShape, TextureDesc, TextureId, VOLUME_LIMIT,
 };
 use crate::report::{ReadError, Report};
 use crate::span::{FileId, Span};
@@ -447,6 +447,9 @@ impl Checker<'_> {
                 ProjectionDesc::Objective(objective) => {
                     if let Err(message) = objective.film_distance() {
                         self.report.error(span, message);
+                    }
+                    if let StopShape::Picture(image) = objective.stop {
+                        self.id(span, image.0, self.desc.images.len(), "image");
                     }
                 }
             }

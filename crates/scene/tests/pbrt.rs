@@ -470,6 +470,17 @@ fn realistic_cameras_have_their_lenses() {
     let again = read(&path, &ReadOptions::default()).unwrap();
     let ProjectionDesc::Objective(second) = &again.cameras[0].value.projection else { panic!("{:?}", again.cameras[0]) };
     assert!(second.interfaces.len() == 3 && (second.film_distance().unwrap() - objective.film_distance().unwrap()).abs() < 1e-6);
+    for (shape, stop) in [("star", StopShape::Star), ("stop.pgm", StopShape::Picture(ImageId(0)))] {
+        folder.put("stop.pgm", "P2 1 1 1 1");
+        let desc = read_text(&text("lens.dat", &format!("\"float aperturediameter\" 8 \"string aperture\" \"{shape}\""))).unwrap();
+        let stop_of = |desc: &SceneDesc| match &desc.cameras[0].value.projection {
+            ProjectionDesc::Objective(objective) => objective.stop,
+            other => panic!("{other:?}"),
+        };
+        assert!(stop_of(&desc) == stop && desc.report.losses.is_empty());
+        assert!(pbrt::write(&desc, &path).unwrap().losses.is_empty());
+        assert_eq!(stop_of(&read(&path, &ReadOptions::default()).unwrap()), stop);
+    }
     let message = |text: &str| read_text(text).unwrap_err().to_string();
     let near = "\"float focusdistance\" 0.2 \"float aperturediameter\" 8";
     for (lens, more, wanted) in [
@@ -483,5 +494,7 @@ fn realistic_cameras_have_their_lenses() {
         let message = message(&text(lens, more));
         assert!(message.contains(wanted) && message.contains("scene.pbrt:1:1"), "{lens}: {message}");
     }
+    let hexagon = message(&text("lens.dat", "\"string aperture\" \"hexagon\""));
+    assert!(hexagon.contains("scene.pbrt:1:49: error: no file `hexagon`") && hexagon.lines().count() == 1, "{hexagon}");
     assert!(message("Camera \"realistic\" WorldBegin").contains("needs a `lensfile`"));
 }

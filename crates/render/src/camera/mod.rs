@@ -4,8 +4,10 @@
 
 mod importance;
 mod objective;
+mod stop;
 
 pub use importance::CameraConnection;
+pub use stop::StopPicture;
 
 use std::sync::Arc;
 
@@ -74,8 +76,14 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Prepares a camera for a picture of `width` × `height` pixels.
+    /// Prepares a camera for a picture of `width` × `height` pixels. A stop that is a picture lets through what a circle does: see
+    /// [`Self::with_stop`].
     pub fn new(desc: &CameraDesc, width: u32, height: u32) -> Self {
+        Self::with_stop(desc, None, width, height)
+    }
+
+    /// The same with the picture of the objective's stop, where it has one.
+    pub fn with_stop(desc: &CameraDesc, stop: Option<StopPicture>, width: u32, height: u32) -> Self {
         let (w, h) = (width.max(1) as f32, height.max(1) as f32);
         let (projection, half, offset) = match &desc.projection {
             &ProjectionDesc::Perspective { fov_rad, fov_axis, aperture_radius, focus_distance, principal_point_offset } => {
@@ -95,7 +103,7 @@ impl Camera {
             }
             ProjectionDesc::Panoramic => (Projection::Panoramic, Vec2::ONE, Vec2::ZERO),
             ProjectionDesc::Objective(o) => {
-                let objective = Objective::new(o, w / h).map_or(Projection::Blind, |o| Projection::Objective(o.into()));
+                let objective = Objective::new(o, stop, w / h).map_or(Projection::Blind, |o| Projection::Objective(o.into()));
                 (objective, Vec2::ONE, Vec2::ZERO)
             }
         };

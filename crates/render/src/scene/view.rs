@@ -65,7 +65,7 @@ impl Scene {
             if let Some(view) = view {
                 move_camera(&mut camera, &view).map_err(fault)?;
             }
-            self.camera = Camera::new(&camera, size[0], size[1]);
+            self.camera = compile::eye(desc, &camera, size)?;
         }
         self.view = view;
         Ok(())

@@ -2,6 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::ImageId;
+
 /// Most interfaces of an objective.
 pub const MOST_INTERFACES: usize = 256;
 
@@ -18,6 +20,24 @@ pub struct LensInterface {
     pub aperture_radius: f32,
 }
 
+/// What the stop of an objective lets through. All shapes let through as much light as the circle of the stop's radius.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum StopShape {
+    /// The circle of its radius.
+    #[default]
+    Circle,
+    /// The same circle, brighter in the middle: exp(−r²/R²) − 1/e.
+    Gaussian,
+    /// A square whose edge is the radius.
+    Square,
+    /// A regular pentagon, one corner below, of 0.8 of the radius.
+    Pentagon,
+    /// A star of five points, one to the left, of the radius.
+    Star,
+    /// As bright as a picture, which fills the square around the circle.
+    Picture(ImageId),
+}
+
 /// An objective as its maker describes it (Kolb, Mitchell, Hanrahan 1995, "A Realistic Camera Model for Computer Graphics",
 /// doi:10.1145/218380.218463).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -28,6 +48,14 @@ pub struct ObjectiveDesc {
     pub film_diagonal: f32,
     /// Distance of the film from the plane that is in focus.
     pub focus_distance: f32,
+    /// What the flat interfaces let through.
+    #[serde(default, skip_serializing_if = "is_circle")]
+    pub stop: StopShape,
+}
+
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde asks so")]
+fn is_circle(stop: &StopShape) -> bool {
+    *stop == StopShape::Circle
 }
 
 /// The thick lens that an objective is near its axis.
@@ -121,7 +149,7 @@ mod tests {
     }
 
     fn objective(interfaces: Vec<LensInterface>, focus_distance: f32) -> ObjectiveDesc {
-        ObjectiveDesc { interfaces, film_diagonal: 0.035, focus_distance }
+        ObjectiveDesc { interfaces, film_diagonal: 0.035, focus_distance, stop: StopShape::Circle }
     }
 
     /// The lensmaker's equation, and the principal planes of a thick lens that follow from it (Hecht, Optics, section 6.1).

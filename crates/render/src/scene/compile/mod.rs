@@ -3,14 +3,14 @@
 mod geometry;
 mod lights;
 
-use etendue_scene::desc::{CameraDesc, ProjectionDesc, SceneDesc, ShapeId};
+use etendue_scene::desc::{CameraDesc, Encoding, ObjectiveDesc, ProjectionDesc, SceneDesc, ShapeId, StopShape};
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
 use glam::Mat4;
 
 use super::geometry::{Geometry, Placement};
 use super::{Names, Scene, displace};
 use crate::accel::{Accel, Blas, BlasInput, Instance};
-use crate::camera::Camera;
+use crate::camera::{Camera, StopPicture};
 use crate::classic::ClassicWorld;
 use crate::classic::physical::{MeshOptions, Physical, meshes};
 use crate::light::{Light, LightSampler, LightSelection, SceneSphere};
@@ -78,6 +78,7 @@ pub(super) fn compile_with(
     // The classic model has cameras of its own.
     let unused = CameraDesc::default();
     let camera = if desc.classic.is_some() { &unused } else { camera(desc, settings)? };
+    let eye = eye(desc, camera, size)?;
     let materials = material::compile(desc);
     let (mut attributes, mut groups) = (Names::default(), Names::default());
     groups.intern("");
@@ -125,7 +126,7 @@ pub(super) fn compile_with(
         has_media: media_in_use || camera.medium.is_some(),
         camera_medium: MediumStack::new(camera.medium.map_or(super::geometry::NONE, |m| m.0)),
         media,
-        camera: Camera::new(camera, size[0], size[1]),
+        camera: eye,
         view: None,
         has_null,
         mipmap: settings.mipmap,
@@ -184,6 +185,20 @@ pub(super) fn camera<'a>(desc: &'a SceneDesc, settings: &RenderSettings) -> Resu
             Err(vec![Fault { severity: Severity::Error, span: Span::default(), message }])
         }
     }
+}
+
+/// A camera of the description for a picture of the given size.
+///
+/// # Errors
+/// A fault where the picture of its stop cannot be read, or is black.
+pub(super) fn eye(desc: &SceneDesc, camera: &CameraDesc, size: [u32; 2]) -> Result<Camera, Vec<Fault>> {
+    let ProjectionDesc::Objective(ObjectiveDesc { stop: StopShape::Picture(id), .. }) = &camera.projection else {
+        return Ok(Camera::new(camera, size[0], size[1]));
+    };
+    let stop = texture::decode(desc, *id, Encoding::Auto)
+        .and_then(|texels| StopPicture::new(&texels).ok_or_else(|| "the picture of a camera's aperture is black".to_owned()))
+        .map_err(|message| vec![Fault { severity: Severity::Error, span: desc[*id].span, message }])?;
+    Ok(Camera::with_stop(camera, Some(stop), size[0], size[1]))
 }
 
 /// The world's geometry first, then one for each group, and where they stand.

@@ -7,6 +7,7 @@ use super::angles::{atan, tan};
 use super::params::Params;
 use crate::desc::{
     AddNode, CameraDesc, FilterDesc, FovAxis, IntegratorDesc, LensInterface, MOST_INTERFACES, Node, ObjectiveDesc, ProjectionDesc,
+    StopShape,
 };
 use crate::span::Span;
 
@@ -104,10 +105,16 @@ impl Reader {
         let r = &mut self.desc.report;
         let focus_distance = p.float("focusdistance", 10.0, r);
         let diameter = p.float("aperturediameter", 1.0, r);
-        if let Some(shape) = p.opt_text("aperture", r) {
-            r.loss(p.span, format!("aperture \"{shape}\""), "a circular stop");
-        }
-        let Some(name) = p.opt_text("lensfile", r).map(str::to_owned) else {
+        let lens_file = p.opt_text("lensfile", r).map(str::to_owned);
+        let stop = match p.opt_text("aperture", r).map(str::to_owned).as_deref() {
+            None | Some("") => StopShape::Circle,
+            Some("gaussian") => StopShape::Gaussian,
+            Some("square") => StopShape::Square,
+            Some("pentagon") => StopShape::Pentagon,
+            Some("star") => StopShape::Star,
+            Some(picture) => StopShape::Picture(self.image(picture, p.get("aperture").map_or(p.span, |q| q.span))?),
+        };
+        let Some(name) = lens_file else {
             self.error(p.span, "a realistic camera needs a `lensfile`");
             return None;
         };
@@ -135,7 +142,7 @@ impl Reader {
                 aperture_radius: 0.5e-3 * opening,
             });
         }
-        Some(ObjectiveDesc { interfaces, film_diagonal: self.film_diagonal, focus_distance })
+        Some(ObjectiveDesc { interfaces, film_diagonal: self.film_diagonal, focus_distance, stop })
     }
 
     /// The camera of a file without one: perspective, 90 degrees, at the origin.

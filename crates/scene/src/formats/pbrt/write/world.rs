@@ -9,7 +9,7 @@ use super::super::angles::{atan, tan};
 use super::Writer;
 use crate::desc::{
     BsdfDesc, CameraDesc, EnvironmentMapping, FilterDesc, FovAxis, GeometryDesc, LightDesc, MeshId, Node, ObjectiveDesc, Param,
-    PictureMapping, ProjectionDesc, Scalar, ShapeDesc, SpotFalloff,
+    PictureMapping, ProjectionDesc, Scalar, ShapeDesc, SpotFalloff, StopShape,
 };
 use crate::formats::tessellate::tessellate;
 
@@ -120,6 +120,17 @@ impl Writer<'_> {
         self.float("focusdistance", objective.focus_distance);
         let stop = objective.interfaces.iter().find(|i| i.curvature_radius == 0.0);
         self.float("aperturediameter", stop.map_or(1.0, |i| 2e3 * i.aperture_radius));
+        match objective.stop {
+            StopShape::Circle => {}
+            StopShape::Gaussian => self.string("aperture", "gaussian"),
+            StopShape::Square => self.string("aperture", "square"),
+            StopShape::Pentagon => self.string("aperture", "pentagon"),
+            StopShape::Star => self.string("aperture", "star"),
+            StopShape::Picture(image) => {
+                let name = self.files.image(self.desc, image)?;
+                self.string("aperture", &name);
+            }
+        }
         Ok(())
     }
 
