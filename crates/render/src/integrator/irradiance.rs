@@ -32,32 +32,12 @@ pub struct Receiver<'a> {
 /// A point in the air as a surface without normal.
 pub fn in_air(p: Vec3) -> Surface {
     let frame = Frame { s: Vec3::X, t: Vec3::Y, n: Vec3::ZERO };
-    free(p, frame)
+    Surface::free(p, frame)
 }
 
 /// A point that hangs freely as a surface that faces the unit direction `n`: a sensor.
 pub fn sensor(p: Vec3, n: Vec3) -> Surface {
-    free(p, Frame::from_normal(n))
-}
-
-fn free(p: Vec3, frame: Frame) -> Surface {
-    Surface {
-        p,
-        ng: frame.n,
-        frame,
-        uv: Vec2::ZERO,
-        dpdu: frame.s,
-        dpdv: frame.t,
-        bary: Vec2::ZERO,
-        t: 0.0,
-        instance: 0,
-        geometry: 0,
-        object: 0,
-        primitive: 0,
-        material: 0,
-        footprint: 0.0,
-        solid: None,
-    }
+    Surface::free(p, Frame::from_normal(n))
 }
 
 impl Receiver<'_> {

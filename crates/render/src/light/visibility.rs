@@ -1,11 +1,10 @@
 //! Which part of an environment map is seen from where: what next-event estimation needs in rooms, where walls are in the way of most of
 //! the sky (after Atanasov et al. 2018, "Adaptive environment sampling on CPU and GPU", doi:10.1145/3214745.3214808).
 //!
-//! The scene's box is cut into cells, and the directions into tiles. From points on surfaces that have
-//! a cell in front of them rays tell which tiles are seen; a sample goes to one of these by its light, what is seen of it and the cosine, and
-//! inside it by the environment's own density. Cells are made
-//! when they are first asked for, from nothing but the scene and their place: whoever asks, and when, changes nothing. A share of the
-//! samples goes to all of the environment, so that nothing is ever left out, whatever the rays have missed.
+//! The scene's box is cut into cells, and the directions into tiles. From points on surfaces that have a cell in front of them rays tell which
+//! tiles are seen; a sample goes to one of these by its light, what is seen of it and the cosine, and inside it by the environment's own
+//! density. Cells are made when they are first asked for, from nothing but the scene and their place: whoever asks, and when, changes
+//! nothing. A share of the samples goes to all of the environment, so that nothing is ever left out, whatever the rays have missed.
 
 use std::sync::OnceLock;
 

@@ -78,6 +78,27 @@ impl Surface {
         Some(std::array::from_fn(|k| w * a0[k] + self.bary.x * a1[k] + self.bary.y * a2[k]))
     }
 
+    /// A point that belongs to no surface of a scene: a sensor, or a place where a texture is looked up.
+    pub fn free(p: Vec3, frame: Frame) -> Self {
+        Self {
+            p,
+            ng: frame.n,
+            frame,
+            uv: Vec2::ZERO,
+            dpdu: frame.s,
+            dpdv: frame.t,
+            bary: Vec2::ZERO,
+            t: 0.0,
+            instance: 0,
+            geometry: 0,
+            object: 0,
+            primitive: 0,
+            material: 0,
+            footprint: 0.0,
+            solid: None,
+        }
+    }
+
     /// The origin for a ray that leaves this point along `d`: far enough on the side of `d` not to meet the surface again
     /// (Wächter and Binder 2019, "A Fast and Robust Method for Avoiding Self-Intersection", Ray Tracing Gems ch. 6).
     #[inline]

@@ -13,7 +13,7 @@ use etendue_scene::desc::{
     TextureId,
 };
 use etendue_scene::{Fault, RenderSettings, Severity, Span};
-use glam::{Mat3, Vec2, Vec3};
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 
 use super::compile::{compile_with, vertex_normals};
@@ -162,7 +162,8 @@ fn displaced(scene: &Scene, shape: &ShapeDesc, mesh: &MeshData, most: usize) -> 
     let normal_matrix = Mat3::from_mat4(m).inverse().transpose();
     let height = |i: usize| {
         let ng = (normal_matrix * out.normals[i]).normalize_or(Vec3::Z);
-        scene.scalar(&displacement.height, &vertex(m.transform_point3(out.positions[i]), ng, out.uvs[i]))
+        let at = Surface::free(m.transform_point3(out.positions[i]), Frame::from_normal(ng));
+        scene.scalar(&displacement.height, &Surface { uv: out.uvs[i], dpdu: Vec3::ZERO, dpdv: Vec3::ZERO, ..at })
     };
     let heights: Vec<f32> = match displacement.height {
         Param::Constant(h) => vec![h; out.positions.len()],
@@ -211,25 +212,4 @@ fn joined_normals(mesh: &MeshData, first: &[u32]) -> Vec<Vec3> {
     let joined = MeshData { positions: mesh.positions.clone(), triangles, ..MeshData::default() };
     let normals = vertex_normals(&joined);
     first.iter().map(|i| normals[*i as usize]).collect()
-}
-
-/// A vertex as textures see it.
-fn vertex(p: Vec3, ng: Vec3, uv: Vec2) -> Surface {
-    Surface {
-        p,
-        ng,
-        frame: Frame::from_normal(ng),
-        uv,
-        dpdu: Vec3::ZERO,
-        dpdv: Vec3::ZERO,
-        bary: Vec2::ZERO,
-        t: 0.0,
-        instance: 0,
-        geometry: 0,
-        object: 0,
-        primitive: 0,
-        material: 0,
-        footprint: 0.0,
-        solid: None,
-    }
 }
