@@ -275,19 +275,19 @@ fn only_edges_are_smoothed() {
         for x in 0..16 {
             // Both pixels at the edge, whose centers lie on either side of it; nothing differs within the second.
             let count = film.sample_count(x, y);
-            assert!(if x == 8 { count == 10 || count == 5 } else { count == if x == 9 { 5 } else { 1 } }, "{count} {x} {y}");
+            assert!(if x == 8 { count == 9 || count == 5 } else { count == if x == 9 { 5 } else { 1 } }, "{count} {x} {y}");
             let value = picture.rgb().unwrap()[(y * 16 + x) as usize][0];
             let expected = if x < 8 { 0.0 } else { 1.0 };
             if x != 8 {
                 assert!((value - expected).abs() < 1e-6, "{x} {value}");
             } else {
-                // The center is dark, and so are two of the three columns of the grid; of the third three in four samples are bright.
-                assert!((0.0..0.31).contains(&value), "{value}");
+                // The center is dark, and so are two of the three columns of the grid; of the third three in four samples are bright. Where neither corner is, nothing more is asked.
+                assert!((0.0..0.34).contains(&value), "{value}");
                 smoothed += value / 12.0;
             }
         }
     }
-    assert!((smoothed - 0.225).abs() < 0.06, "{smoothed}");
+    assert!((smoothed - 0.245).abs() < 0.06, "{smoothed}");
     for (settings, count) in [
         (RenderSettings { antialias: Some(0.0), ..sized(16, 12) }, 1),
         (RenderSettings { spp: Some(3), ..sized(16, 12) }, 3),
@@ -310,7 +310,7 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
     let one = whole(1);
     assert_eq!(one.develop(), whole(2).develop());
     let count = |n| (0..36).flat_map(|y| (0..48).map(move |x| (x, y))).filter(|&(x, y)| one.sample_count(x, y) == n).count();
-    let counts = [1, 5, 10].map(count);
+    let counts = [1, 5, 9].map(count);
     assert!(counts.iter().zip([200, 30, 50]).all(|(n, least)| *n > least) && counts.iter().sum::<usize>() == 48 * 36, "{counts:?}");
     // Ranges of samples that begin after the centers trace those of their own accord.
     let part = |first, count| {
@@ -318,7 +318,7 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
         session.set_first_sample(first);
         render(&mut session, &Stop { spp: Some(count), ..Stop::default() }, 2)
     };
-    let mut merged = part(4, 6);
+    let mut merged = part(4, 5);
     merged.merge(&part(0, 1)).unwrap();
     merged.merge(&part(1, 3)).unwrap();
     assert_eq!(one.develop(), merged.develop());

@@ -169,8 +169,9 @@ impl SampleStream {
         independent_2d(a, b, self.index).min(Vec2::splat(ONE_MINUS_EPSILON))
     }
 
-    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of n² samples of which all
-    /// are taken, none, or the first four, which lie in the corners, so that their order need not be shuffled. `n` is 1 to 65,535.
+    /// The next pair from a cell of a grid of n × n that is this sample's alone, whatever the sequence: for sets of samples of which all
+    /// are taken, none, or the first four, which lie in the corners, so that their order need not be shuffled. The cell in the middle comes
+    /// last. `n` is 1 to 65,535.
     #[inline]
     pub fn next_grid_2d(&mut self, n: u32) -> Vec2 {
         let inner = self.next_independent_2d();
@@ -204,7 +205,7 @@ impl SampleStream {
     }
 }
 
-/// Column and row of a cell of a grid of n × n; the corners come first.
+/// Column and row of a cell of a grid of n × n; the corners come first, and the middle last.
 #[inline(always)]
 fn grid_cell(index: u32, n: u32) -> Vec2 {
     let (upper_right, lower_left, last) = (n - 1, n * n - n, n * n - 1);
@@ -213,10 +214,13 @@ fn grid_cell(index: u32, n: u32) -> Vec2 {
         1 => upper_right,
         2 => last,
         3 => lower_left,
+        _ if index == last && n % 2 == 1 => last / 2,
         _ => {
-            let behind_first = index - 3;
-            let behind_upper = behind_first + u32::from(behind_first >= upper_right);
-            behind_upper + u32::from(behind_upper >= lower_left)
+            // The others in their order, past the upper right, the middle and the lower left.
+            let cell = index - 3;
+            let cell = cell + u32::from(cell >= upper_right);
+            let cell = cell + u32::from(cell >= last / 2 && n % 2 == 1);
+            cell + u32::from(cell >= lower_left)
         }
     };
     Vec2::new((cell % n) as f32, (cell / n) as f32)
@@ -335,6 +339,7 @@ mod tests {
                 let [x, y] = [u.x, u.y].map(|v| (v * n as f32) as u32);
                 assert!(!std::mem::replace(&mut seen[(x + n * y) as usize], true), "{u} of {n}");
                 assert!(i >= 4 || [x, y].iter().all(|v| *v == 0 || *v == n - 1), "{u} of {n}");
+                assert!((x, y) != (n / 2, n / 2) || n % 2 == 0 || i == n * n - 1, "{u} of {n}");
             }
         }
         assert!(Sampler { kind: SamplerKind::Stratified, seed: 1, spp: 9 }.stream(0, 0, u32::MAX).next_grid_2d(u32::MAX).is_finite());

@@ -1,13 +1,14 @@
 //! Adaptive antialiasing: more samples only where the color of a pixel's center differs from that of a neighbor's center.
 //!
 //! As POV-Ray's non-recursive method (documentation, 3.2.8.7 "Anti-Aliasing Options"): the first sample of a pixel goes through its
-//! center, and pixels whose colors differ by more than a threshold get n × n more, all counted alike. The difference is the sum over
-//! red, green and blue of |a^(1/2.5) − b^(1/2.5)|. Measured with POV-Ray 3.7.0.10: a and b are linear light, not cut at 1, and the
-//! center's sample stays one of the n² + 1.
+//! center, and pixels whose colors differ by more than a threshold get those of a grid of n × n as well, all counted alike. The difference
+//! is the sum over red, green and blue of |a^(1/2.5) − b^(1/2.5)|. Measured with POV-Ray 3.7.0.10: a and b are linear light, not cut at 1,
+//! and the center's sample stays one of n² + 1 there.
 //!
-//! Other than there, the corners of the n × n come first, and where none of them differs from the center by more than the threshold
-//! they are enough: an edge next to a pixel smooths that pixel as well, in which there may be nothing to smooth. That saves a tenth to a
-//! fifth of a picture's work, and the distance to a picture of 100 samples in each pixel grows by 4.5% (31 scenes).
+//! Here the center's sample stands for the middle cell of the grid, and the corners of the grid come first: where none of them
+//! differs from the center by more than the threshold they are enough. An edge between two pixels smooths both, and in one of them there
+//! often is nothing to smooth. That saves a tenth to a fifth of a picture's work; the distance to a picture of 100 samples in each pixel
+//! grows by 5% (of the root mean square of 31 scenes, most of which is in pixels that are not smoothed).
 //!
 //! Whether a sample is needed is a function of the scene, the settings and the pixel, so a film holds the same samples whoever
 //! renders which part of it: a neighbor's center that has not been traced here is traced for the comparison.
@@ -31,7 +32,13 @@ pub struct Antialias {
 impl Antialias {
     /// Samples of a pixel that needs all of them: the center and the grid.
     pub fn spp(&self) -> u32 {
-        1 + self.depth * self.depth
+        1 + self.further()
+    }
+
+    /// Samples after the center's, which stands for the middle of a grid that has one.
+    pub fn further(&self) -> u32 {
+        let n = self.depth;
+        n * n - u32::from(n > 1 && n % 2 == 1)
     }
 }
 
@@ -40,12 +47,12 @@ pub(super) const CORNERS: u32 = 4;
 /// Not the bits of a finite number.
 const UNKNOWN: u32 = u32::MAX;
 
-/// Sums of |a − b| of what is kept of two centers that answer without a power, for numbers of 0 to 1.
+/// Sums of |a − b| of what is kept of two colors that answer without a power.
 #[derive(Clone, Copy, Debug)]
 struct Quick {
-    /// Up to this the centers are near each other.
+    /// Up to this colors without negative numbers are near each other.
     near: f32,
-    /// Beyond this they are far apart.
+    /// Beyond this those of numbers of 0 to 1 are far apart.
     far: f32,
 }
 
@@ -104,11 +111,12 @@ impl Centers {
     #[inline]
     fn is_far(&self, a: &[f32; 3], b: &[f32; 3]) -> bool {
         let sum = (a[0] - b[0]).abs() + (a[1] - b[1]).abs() + (a[2] - b[2]).abs();
-        let is_usual = a.iter().chain(b).all(|v| (0.0..=1.0).contains(v));
-        if is_usual && sum <= self.quick.near {
+        let least = a[0].min(a[1]).min(a[2]).min(b[0]).min(b[1]).min(b[2]);
+        if least >= 0.0 && sum <= self.quick.near {
             return false;
         }
-        if is_usual && sum > self.quick.far {
+        let most = a[0].max(a[1]).max(a[2]).max(b[0]).max(b[1]).max(b[2]);
+        if least >= 0.0 && most <= 1.0 && sum > self.quick.far {
             return true;
         }
         let [a, b] = [a, b].map(|c| c.map(|v| measure(v, self.space) as f32));

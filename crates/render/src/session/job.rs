@@ -198,7 +198,7 @@ pub fn prepare_compiled(
     scene: Arc<Scene>,
 ) -> Result<Session, JobError> {
     let integrator = method(desc, settings, plan)?;
-    let spp = plan.antialias.map_or(plan.spp, |a| a.depth * a.depth);
+    let spp = plan.antialias.map_or(plan.spp, |a| a.further());
     let sampler = Sampler { kind: plan.sampler, seed: settings.seed, spp };
     let space = match &desc.classic {
         Some(classic) if plan.integrator == "whitted" => WorkingSpace::new(&classic.settings),
