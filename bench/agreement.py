@@ -7,7 +7,8 @@ Renders scenes that have a reference picture with several seeds and prints a Mar
 
 With `--mitsuba`, a Python that has the package mitsuba, its pictures of .xml scenes with the same samples and seeds follow: the same
 figures of its own, and between its tiles and ours the difference of the mean, the root mean square of the differences in standard errors
-(1.2 for four seeds, if nothing differs), and the largest of them. What a noisy scene does to these figures shows there.
+(1.2 for four seeds, if nothing differs), and the largest of them. What a noisy scene does to these figures shows there. Its time is
+that without loading.
 
 SCENES_FOLDER holds NAME.xml, NAME.glb or NAME/scene.xml, and refs/NAME.exr.
 Needs the package `etendue` (`make develop`) for reading EXR files.
@@ -20,25 +21,15 @@ import os
 import resource
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from peers import Peer, scene_job
 
 import etendue
 
 TILE = 16
-MITSUBA = """
-import os, sys
-import numpy as np, mitsuba as mi
-mi.set_variant("llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb")
-scene = mi.load_file(sys.argv[1])
-spp, seeds = int(sys.argv[2]), int(sys.argv[3])
-for seed in range(1, seeds + 1):
-    # In parts, as memory grows with the samples of a call.
-    parts = [min(64, spp - at) for at in range(0, spp, 64)]
-    picture = sum(n * np.asarray(mi.render(scene, spp=n, seed=1000 * seed + i), np.float64) for i, n in enumerate(parts)) / spp
-    np.save(f"{sys.argv[4]}/{seed}.npy", picture[..., :3])
-"""
 
 
 def tiles(picture: np.ndarray) -> np.ndarray:
@@ -79,17 +70,19 @@ def measure(args: argparse.Namespace, name: str) -> list[str]:
         seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
         rows = [row(args, name, pictures, reference, seconds)]
         if args.mitsuba is not None and scene.suffix == ".xml":
-            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            command = [args.mitsuba, "-c", MITSUBA, str(scene), str(args.spp), str(args.seeds), folder]
-            subprocess.run(command, check=True, env={**os.environ, "PYTHONWARNINGS": "ignore"})
-            seconds = (resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before) / args.seeds
-            theirs = [np.load(Path(folder) / f"{seed}.npy") for seed in range(1, args.seeds + 1)]
+            variant = "llvm_ad_rgb" if "DRJIT_LIBLLVM_PATH" in os.environ else "scalar_rgb"
+            running = Peer("Mitsuba", args.mitsuba, "mitsuba", variant=variant).open(
+                scene_job(args.etendue, scene, width, height, Path(folder), convert=False)
+            )
+            theirs, times = zip(*(running.render(args.spp, seed) for seed in range(1, args.seeds + 1)), strict=True)
+            running.close()
+            seconds = sum(times) / args.seeds
             rows.append(row(args, f"{name}, by Mitsuba", theirs, reference, seconds))
             rows.append(between(name, pictures, theirs, reference))
     return rows
 
 
-def row(args: argparse.Namespace, name: str, pictures: list[np.ndarray], reference: np.ndarray, seconds: float) -> str:
+def row(args: argparse.Namespace, name: str, pictures: Sequence[np.ndarray], reference: np.ndarray, seconds: float) -> str:
     """Return the row of some pictures of one number of samples against the reference."""
     error = float(np.mean([relmse(p, reference) for p in pictures]))
     stack, reference = np.minimum(np.stack(pictures), cap(reference)), np.minimum(reference, cap(reference))
@@ -107,7 +100,7 @@ def cap(reference: np.ndarray) -> float:
     return float(np.quantile(reference, 0.999) * 4)
 
 
-def between(name: str, ours: list[np.ndarray], theirs: list[np.ndarray], reference: np.ndarray) -> str:
+def between(name: str, ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray], reference: np.ndarray) -> str:
     """Return how pictures of two programs with the same samples differ, tile by tile."""
     a, b = (np.stack([tiles(np.minimum(p, cap(reference))) for p in pictures]) for pictures in (ours, theirs))
     error = np.sqrt(a.var(0, ddof=1) / len(a) + b.var(0, ddof=1) / len(b))

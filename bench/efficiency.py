@@ -18,8 +18,8 @@ povray.py.
 The error is relMSE = mean((x − ref)² / (ref² + 0.01)) without the worst 0.1% of the pixels, for programs that read the scene's file. Cycles
 and LuxCore are given what `etendue convert` makes of XML files, with the environment map, the depth and lamps that shine to one side handed
 on (peers/): balls are triangles there, and materials are the nearest ones. What their seeds have in common, mean((x₁ − ref)(x₂ − ref) /
-(ref² + 0.01)), is taken from their relMSE, so that only noise counts for them (marked *); bias, blur and the reference's noise count for all
-others.
+(ref² + 0.01)), is taken from their relMSE, so that only noise counts for them (marked *); bias, blur and the reference's noise count for
+all others.
 The second table has both figures and the mean's deviation for all, and the CPU seconds to a matching error: that which the last of them
 has in its largest picture.
 """

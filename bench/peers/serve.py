@@ -1,8 +1,9 @@
 """What all drivers of peers share: jobs as lines of JSON in, answers as lines of JSON out.
 
 A driver is run by the interpreter that has the peer's package, so this needs nothing but numpy. `DRIVER --check OPTIONS` says the version,
-or fails. Without arguments a driver takes a line with the scene (`scene_job` says what is in it) and answers `{"ready": true}`, then lines `{"spp": 4, "seed": 1, "out": "picture.npy"}` and answers `{"seconds": 1.5}` with the picture written: (height, width, 3),
-linear, row 0 at the top. What cannot be done is answered by `{"error": "why"}`.
+or fails. Without arguments a driver takes a line with the scene (`scene_job` says what is in it) and answers `{"ready": true}`, then lines
+`{"spp": 4, "seed": 1, "out": "picture.npy"}`, and answers `{"seconds": 1.5}` with the picture written: (height, width, 3), linear, row 0
+at the top. What cannot be done is answered by `{"error": "why"}`.
 """
 
 from __future__ import annotations
