@@ -11,7 +11,7 @@ the reference, of blur and of differences between the scenes.
 
 PYTHON is an interpreter with the packages mitsuba (and numpy), or pyluxcore (and numpy). For variants of Mitsuba that need LLVM set
 DRJIT_LIBLLVM_PATH. What loads, compiles or warms up does not count for peers; for `auto` all but loading counts, its pilot included. Needs
-numpy and OpenEXR.
+the package `etendue` (`make develop`) for reading EXR files.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from caustics import relmse
 from methods import read_pfm
 from peers import Peer, present, scene_job
+
+import etendue
 
 # Samples (or passes) and seed in, picture and CPU seconds out.
 Render = Callable[[int, int], "tuple[np.ndarray, float]"]
@@ -81,8 +82,7 @@ def main() -> None:
     parser.add_argument("--variant", action="append", default=[], help="variants of Mitsuba; default: scalar_rgb and llvm_ad_rgb")
     parser.add_argument("--luxcore", metavar="PYTHON", help="a Python with the package pyluxcore")
     args = parser.parse_args()
-    with OpenEXR.File(str(args.folder / "refs/caustic.exr")) as f:
-        reference = f.channels()["RGB"].pixels.astype(np.float64)
+    reference = np.asarray(etendue.read_image(args.folder / "refs/caustic.exr"))[..., :3].astype(np.float64)
     print("| program | samples | CPU s | relMSE | noise | mean | efficiency |\n" + "|---" * 7 + "|")
     with tempfile.TemporaryDirectory() as temporary:
         out = Path(temporary)

@@ -20,8 +20,8 @@ and LuxCore are given what `etendue convert` makes of XML files, with the enviro
 on (peers/): balls are triangles there, and materials are the nearest ones. What their seeds have in common, mean((x₁ − ref)(x₂ − ref) /
 (ref² + 0.01)), is taken from their relMSE, so that only noise counts for them (marked *); bias, blur and the reference's noise count for
 all others.
-The second table has both figures and the mean's deviation for all, and the CPU seconds to a matching error: that which the last of them
-has in its largest picture.
+The second table has both figures and the mean's deviation for all, and the CPU seconds to a matching error: the geometric mean of what all
+have in their largest pictures.
 """
 
 from __future__ import annotations
@@ -135,14 +135,14 @@ def noise_alone(points: list[Point]) -> None:
         p.error = max(p.relmse - max(points[-1].shared, 0.0), 0.01 * p.relmse)
 
 
-def seconds_to(points: list[Point], error: float) -> float:
-    """Return the CPU seconds to an error, between the points, or before the first one as noise falls."""
+def seconds_to(points: list[Point], error: float) -> str:
+    """Return the CPU seconds to an error: between the points, or with ~ beyond them, as noise falls with the samples."""
     for a, b in reversed(list(pairwise(points))):
         if a.error >= error >= b.error:
             share = math.log(a.error / error) / max(math.log(a.error / b.error), 1e-12)
-            return a.seconds * (b.seconds / a.seconds) ** share
+            return f"{a.seconds * (b.seconds / a.seconds) ** share:.2f}"
     end = points[0] if points[0].error < error else points[-1]
-    return end.seconds * end.error / error
+    return f"~{end.seconds * end.error / error:.2f}"
 
 
 def efficiency(points: list[Point]) -> float:
@@ -187,12 +187,12 @@ def plot(title: str, curves: dict[str, list[Point]]) -> str:
 
 def details(name: str, curves: dict[str, list[Point]]) -> list[str]:
     """Return the rows of what lies behind the efficiencies, of the largest pictures."""
-    match = max(points[-1].error for points in curves.values())
+    match = math.exp(np.mean([math.log(points[-1].error) for points in curves.values()]))
     rows = []
     for who, points in curves.items():
         p = points[-1]
         figures = f"{p.spp} | {p.seconds:.1f} | {p.relmse:.4f} | {p.shared:.4f} | {p.mean:+.2%} | {efficiency(points):.3g}"
-        rows.append(f"| {name} | {who} | {figures} | {seconds_to(points, match):.2f} to {match:.3g} |")
+        rows.append(f"| {name} | {who} | {figures} | {seconds_to(points, match)} to {match:.2g} |")
     return rows
 
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import time
 
+import drjit as dr
 import mitsuba as mi
 import numpy as np
-from serve import CannotError, serve
+from serve import CannotError, serve, threads
 
 # Memory of the variants for vectors grows with the samples of a call.
 PART = 64
@@ -27,6 +28,8 @@ def load(job: dict):
     if not job["source"].endswith(".xml"):
         raise CannotError("does not read glTF")
     mi.set_variant(job["variant"])
+    # With one thread Mitsuba 3.9 waits for ever for an environment map.
+    dr.set_thread_count(max(2, threads()))
     scene = mi.load_file(job["source"])
     settings = {"max_depth": job["max_depth"], "rr_depth": 5}
     how = mi.load_dict({"type": job["method"], **settings}) if job.get("method") else scene.integrator()
