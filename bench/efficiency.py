@@ -116,7 +116,7 @@ def point(spp: int, got: list[tuple[np.ndarray, float]], reference: np.ndarray) 
 def measure(renderers: dict[str, Render], reference: np.ndarray, seconds: float, rounds: int) -> dict[str, list[Point]]:
     """Render in turns, with twice the samples each time, until a program's picture takes the seconds."""
     curves: dict[str, list[Point]] = {who: [] for who in renderers}
-    active, spp = list(renderers), 2
+    active, spp = list(renderers), 1
     while active:
         got: dict[str, list[tuple[np.ndarray, float]]] = {who: [] for who in active}
         for seed in range(1, rounds + 1):
@@ -152,14 +152,14 @@ def efficiency(points: list[Point]) -> float:
 
 def plot(title: str, curves: dict[str, list[Point]]) -> str:
     """Return an SVG picture of errors over seconds, both logarithmic."""
-    width, height, left, bottom = 560, 380, 60, 40
+    width, height, left, right, bottom = 740, 380, 60, 200, 40
     every = [p for points in curves.values() for p in points if p.error > 0]
     x0, x1 = (math.log10(f(p.seconds for p in every)) for f in (min, max))
     y0, y1 = (math.log10(f(p.error for p in every)) for f in (min, max))
     x1, y1 = max(x1, x0 + 0.1), max(y1, y0 + 0.1)
 
     def at(seconds: float, error: float) -> tuple[float, float]:
-        x = left + (math.log10(seconds) - x0) / (x1 - x0) * (width - left - 20)
+        x = left + (math.log10(seconds) - x0) / (x1 - x0) * (width - left - right)
         y = 30 + (y1 - math.log10(max(error, 1e-300))) / (y1 - y0) * (height - bottom - 30)
         return round(x, 1), round(y, 1)
 
@@ -173,15 +173,16 @@ def plot(title: str, curves: dict[str, list[Point]]) -> str:
     for k in range(math.ceil(y0), math.floor(y1) + 1):
         _, y = at(10.0**x0, 10.0**k)
         out.append(
-            f'<path d="M{left} {y}H{width - 20}" stroke="#ddd"/><text x="{left - 6}" y="{y + 4}" text-anchor="end">{10.0**k:g}</text>'
+            f'<path d="M{left} {y}H{width - right}" stroke="#ddd"/><text x="{left - 6}" y="{y + 4}" text-anchor="end">{10.0**k:g}</text>'
         )
     for i, (name, points) in enumerate(curves.items()):
         color = COLORS[i % len(COLORS)]
         line = " ".join(f"{x},{y}" for x, y in (at(p.seconds, p.error) for p in points))
+        out += [f'<circle cx="{x}" cy="{y}" r="3" fill="{color}"/>' for x, y in (at(p.seconds, p.error) for p in points)]
         out.append(f'<polyline points="{line}" fill="none" stroke="{color}" stroke-width="2"/>')
-        out.append(f'<text x="{width - 180}" y="{48 + 16 * i}" fill="{color}">{name}</text>')
-    out += [f'<text x="{width / 2}" y="{height - 6}" text-anchor="middle">CPU seconds</text>']
-    out += [f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">relMSE</text>', "</svg>"]
+        out.append(f'<text x="{width - right + 12}" y="{40 + 16 * i}" fill="{color}">{name}</text>')
+    out += [f'<text x="{(left + width - right) / 2}" y="{height - 6}" text-anchor="middle">CPU seconds</text>']
+    out += [f'<text x="14" y="{height / 2}" transform="rotate(-90 14 {height / 2})" text-anchor="middle">error</text>', "</svg>"]
     return "\n".join(out)
 
 

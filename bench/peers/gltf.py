@@ -13,6 +13,14 @@ import numpy as np
 from serve import CannotError
 
 TYPES = {5120: np.int8, 5121: np.uint8, 5122: np.int16, 5123: np.uint16, 5125: np.uint32, 5126: np.float32}
+# What of each extension of materials is taken; the thickness of a closed body says nothing.
+KNOWN = {
+    "KHR_materials_emissive_strength": {"emissiveStrength"},
+    "KHR_materials_ior": {"ior"},
+    "KHR_materials_specular": {"specularFactor"},
+    "KHR_materials_transmission": {"transmissionFactor"},
+    "KHR_materials_volume": {"thicknessFactor"},
+}
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 
 
@@ -50,9 +58,15 @@ class Scene:
 
 
 def read(path: Path) -> Scene:
-    """Return the scene of a .gltf file with buffers beside it."""
-    tree = json.loads(path.read_text())
-    buffers = [(path.parent / b["uri"]).read_bytes() for b in tree["buffers"]]
+    """Return the scene of a .gltf file with buffers beside it, or of a .glb file."""
+    data = path.read_bytes()
+    if data[:4] == b"glTF":
+        # Length and kind of a chunk, then its bytes: the tree, then the buffer.
+        end = 20 + int.from_bytes(data[12:16], "little")
+        tree, buffers = json.loads(data[20:end]), [data[end + 8 :]]
+    else:
+        tree = json.loads(data)
+        buffers = [(path.parent / b["uri"]).read_bytes() for b in tree["buffers"]]
     scene = Scene([], [material(m) for m in tree["materials"]], np.eye(4), 0.0)
     for root in tree["scenes"][tree.get("scene", 0)]["nodes"]:
         walk(tree, buffers, root, np.eye(4), scene)
@@ -66,6 +80,9 @@ def material(given: dict) -> Material:
     if "Texture" in json.dumps(given):
         raise CannotError("textures: the reader of this benchmark takes numbers alone")
     pbr, more = given.get("pbrMetallicRoughness", {}), given.get("extensions", {})
+    strange = [f"{name}: {key}" for name, values in more.items() for key in values if key not in KNOWN.get(name, set())]
+    if strange or given.get("alphaMode", "OPAQUE") != "OPAQUE":
+        raise CannotError("; ".join(strange) or f"alphaMode {given['alphaMode']}")
 
     def extension(name: str, key: str, default: float) -> float:
         return more.get(f"KHR_materials_{name}", {}).get(key, default)

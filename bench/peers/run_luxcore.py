@@ -1,8 +1,8 @@
 """Renders with LuxCore. Run by an interpreter that has the package pyluxcore; see serve.py.
 
-Option: `engine`, PATHCPU or BIDIRCPU. The scene comes as glTF without pictures (gltf.py) and is rebuilt through LuxCore's API: lamps are
-matte with emission to the side of their normals, transmission is glass, metals and plastics are `metal2` and `disney`, or a mirror where
-they are smooth. No denoiser, no adaptive sampling, no filter.
+Option: `engine`, PATHCPU or BIDIRCPU. The scene comes as glTF without pictures (gltf.py) and is rebuilt through LuxCore's API: lamps
+shine to the side of their normals, transmission is glass, metals are `metal2`, or `mirror` where they are smooth, what has gloss else is
+`disney`, and the rest `matte`. No denoiser, no adaptive sampling, no filter.
 """
 
 from __future__ import annotations
@@ -36,22 +36,25 @@ def properties(values: dict) -> lux.Properties:
 
 
 def material(number: int, m: gltf.Material) -> dict:
-    """Return the nearest material of LuxCore. Roughness² is the α of GGX there as well."""
-    # Of smoother surfaces LuxCore's microfacets are no mirrors and no longer exact.
+    """Return the nearest material of LuxCore. Its roughness is the α of GGX, but for `disney`."""
+    # What is as smooth as this is meant to be a mirror or clear.
     smooth, alpha = m.roughness < 0.03, m.roughness**2
+    out: dict[str, object]
     if m.transmission > 0:
         out = {"type": "glass" if smooth else "roughglass", "kr": m.color, "kt": m.color, "interiorior": m.ior, "exteriorior": 1.0}
-        return out if smooth else {**out, "uroughness": alpha, "vroughness": alpha}
-    if m.metallic == 1 and smooth:
-        return {"type": "mirror", "kr": m.color}
-    if m.metallic == 1:
-        return {"type": "metal2", "fresnel": f"f{number}", "uroughness": alpha, "vroughness": alpha}
-    if m.specular > 0:
-        return {"type": "disney", "basecolor": m.color, "metallic": m.metallic, "roughness": m.roughness, "specular": 0.5 * m.specular}
-    out = {"type": "matte", "kd": m.color}
-    # By itself, LuxCore samples the light of small meshes only, and leaves balls to chance.
-    lamp = {"emission": m.emission, "emission.directlightsampling.type": "ENABLED"}
-    return {**out, **lamp} if max(m.emission) > 0 else out
+        out |= {} if smooth else {"uroughness": alpha, "vroughness": alpha}
+    elif m.metallic == 1 and smooth:
+        out = {"type": "mirror", "kr": m.color}
+    elif m.metallic == 1:
+        out = {"type": "metal2", "fresnel": f"f{number}", "uroughness": alpha, "vroughness": alpha}
+    elif m.specular > 0 or m.metallic > 0:
+        out = {"type": "disney", "basecolor": m.color, "metallic": m.metallic, "roughness": m.roughness, "specular": 0.5 * m.specular}
+    else:
+        out = {"type": "matte", "kd": m.color}
+    if max(m.emission) > 0:
+        # By itself, LuxCore samples the light of small meshes only, and leaves balls to chance.
+        out |= {"emission": m.emission, "emission.directlightsampling.type": "ENABLED"}
+    return out
 
 
 def build(job: dict) -> lux.Scene:
