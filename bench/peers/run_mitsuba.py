@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 
-import drjit as dr
 import mitsuba as mi
 import numpy as np
 from serve import CannotError, serve, threads
@@ -27,6 +26,8 @@ def load(job: dict):
     """Return what renders the scene."""
     if not job["source"].endswith(".xml"):
         raise CannotError("does not read glTF")
+    import drjit as dr
+
     mi.set_variant(job["variant"])
     # With one thread Mitsuba 3.9 waits for ever for an environment map.
     dr.set_thread_count(max(2, threads()))
