@@ -39,7 +39,7 @@ const BLOCK: usize = 6;
 const PATHS: u32 = 32;
 const PASSES: u32 = 8;
 /// Learning where light comes from takes seconds: not where another method is better than paths by more than this.
-const MOST_GAIN_OF_GUIDES: f64 = 8.0;
+const MOST_GAIN_OF_GUIDES: f64 = 4.0;
 /// The pilot's random numbers are not those of the picture.
 const PILOT_SEED: u64 = 0x9E37_79B9_7F4A_7C15;
 

@@ -102,10 +102,6 @@ struct State<T> {
     cone: Cone,
     /// Into how many the path splits at the next surface that does more than mirror or refract.
     splits: u32,
-    /// How much splits of later vertices are worth, for a throughput of 1.
-    worth: f32,
-    /// Paths into which the camera's has split, if all splits were like those of this path.
-    leaves: u32,
     /// Rays that the path has had.
     edges: u32,
 }
@@ -171,7 +167,7 @@ impl Path {
         stream: &mut SampleStream,
         out: &mut Estimate,
     ) {
-        let mut probe = self.splits.as_ref().map_or(Probe::new(1, 0.0), |splits| splits.at(stream.pixel()));
+        let mut probe = self.splits.as_ref().map_or(Probe::new(1), |splits| splits.at(stream.pixel()));
         self.trace_any(caustics, scene, camera_ray, stream, out, &mut probe);
     }
 
@@ -223,8 +219,6 @@ impl Path {
             camera_distance: 0.0,
             cone: Cone { width: 0.0, spread: camera_ray.spread_rad },
             splits: probe.splits,
-            worth: probe.worth,
-            leaves: 1,
             edges: 0,
         };
         let edges = self.go_on::<MEDIA, C>(scene, caustics, state, stream, out, probe);
@@ -232,21 +226,6 @@ impl Path {
     }
 
     /// Follows a path from a state on; returns its edges from the camera on.
-    fn follow<const MEDIA: bool, C: Caustics>(
-        &self,
-        scene: &Scene,
-        caustics: &C,
-        path: State<C::Trail>,
-        stream: &mut SampleStream,
-        out: &mut Estimate,
-        probe: &mut Probe,
-    ) -> u32 {
-        let mark = probe.mark();
-        let edges = self.go_on::<MEDIA, C>(scene, caustics, path, stream, out, probe);
-        probe.close(mark, out, edges);
-        edges
-    }
-
     fn go_on<const MEDIA: bool, C: Caustics>(
         &self,
         scene: &Scene,
@@ -370,29 +349,22 @@ impl Path {
             {
                 lesson.lit(out);
             }
-            if scatter.is_smooth_anywhere() {
-                let first = path.splits > 0;
-                let splits = if first {
-                    probe.at_split(out, path.edges);
-                    std::mem::replace(&mut path.splits, 0)
-                } else {
-                    probe.at_vertex(scene, &s, wo, path.throughput, path.edges, out);
-                    self.splits.as_ref().map_or(1, |splits| splits.later(scene, &s, wo, path.throughput * path.worth, path.leaves))
-                };
+            if path.splits > 0 && scatter.is_smooth_anywhere() {
+                probe.at_split(out, path.edges);
+                let splits = std::mem::replace(&mut path.splits, 0);
                 if splits > 1 {
                     path.throughput /= splits as f32;
                     path.spare *= splits as f32;
-                    path.leaves *= splits;
                     for j in 0..splits {
                         let found = out.radiance;
                         let mut child = path.clone();
-                        let mut stream = if first { stream.split(splits, j) } else { stream.branch(j) };
+                        let mut stream = stream.split(splits, j);
                         if MEDIA {
                             child.rng = stream.rng();
                         }
                         let at = (&s, &scatter, directions);
                         if self.scatter::<MEDIA, C>(scene, caustics, &mut child, at, &mut stream, (probe, out)) {
-                            let edges = self.follow::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
+                            let edges = self.go_on::<MEDIA, C>(scene, caustics, child, &mut stream, out, probe);
                             probe.edges_after += edges - path.edges;
                         }
                         if let Some(after) = probe.after.get_mut(j as usize) {

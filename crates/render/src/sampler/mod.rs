@@ -100,16 +100,8 @@ impl SampleStream {
         Self { dimension, ..*self }
     }
 
-    /// The numbers from here on of the `j`-th path into which this one splits: those of all samples are as well distributed as
-    /// this one's, and independent of the other branches'. That of 0 is this one.
-    #[inline]
-    pub fn branch(&self, j: u32) -> Self {
-        let scramble = if j == 0 { 0 } else { mix32(j.wrapping_mul(0x85eb_ca6b) ^ self.dimension) };
-        Self { pixel: [self.pixel[0] ^ scramble, self.pixel[1].wrapping_add(scramble)], ..*self }
-    }
-
-    /// The same, where all samples of the pixel split into `n` here: all of them together are as well distributed as a sequence `n` times
-    /// as long.
+    /// The numbers from here on of the `j`-th of `n` paths into which those of all samples of the pixel split here: all of them together are
+    /// as well distributed as a sequence `n` times as long.
     #[inline]
     pub fn split(&self, n: u32, j: u32) -> Self {
         let index = self.index.wrapping_mul(n).wrapping_add(j);
@@ -296,20 +288,6 @@ mod tests {
             parent.next_2d();
             let u = parent.split(4, j).next_2d();
             assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "sample {index}, branch {j}");
-        }
-    }
-
-    /// Branches differ from each other, and each alone is as well distributed as its parent.
-    #[test]
-    fn branches_are_sequences_of_their_own() {
-        let sampler = Sampler { kind: SamplerKind::Sobol, seed: 5, spp: 64 };
-        let numbers = |j| (0..64).map(|i| sampler.stream(7, 7, i).branch(j).next_2d()).collect::<Vec<_>>();
-        for j in 0..8 {
-            let mut seen = [false; 64];
-            for u in numbers(j) {
-                assert!(!std::mem::replace(&mut seen[(u.x * 8.0) as usize + (u.y * 8.0) as usize * 8], true), "branch {j}: {u}");
-            }
-            assert!((0..j).all(|k| numbers(j) != numbers(k)), "branch {j} is an earlier one");
         }
     }
 

@@ -192,7 +192,7 @@ fn trace(path: &Path, scene: &Scene, stage: &Stage, sampler: &Sampler, range: st
         let at = stream.next_2d() * size;
         let camera_ray = scene.camera_ray(at, stream.next_2d());
         estimate.reset(0);
-        let mut probe = Probe::new(1, 0.0);
+        let mut probe = Probe::new(1);
         probe.lessons = Some(lessons);
         path.probe(scene, &camera_ray, &mut stream, &mut estimate, &mut probe);
         lessons = probe.lessons.unwrap_or_default();

@@ -52,7 +52,7 @@ impl Trial {
                     let at = |a: usize, u: f32| (pixel[a] as f32 + u) / size[a] as f32 * stage.size[a] as f32;
                     let camera_ray = scene.camera_ray(Vec2::new(at(0, u.x), at(1, u.y)), stream.next_2d());
                     estimate.reset(0);
-                    let mut probe = Probe::new(1, 0.0);
+                    let mut probe = Probe::new(1);
                     probe.lessons = Some(lessons);
                     path.probe(scene, &camera_ray, &mut stream, &mut estimate, &mut probe);
                     let light = f64::from(estimate.radiance.luminance());
