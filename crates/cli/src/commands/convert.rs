@@ -19,7 +19,7 @@ use crate::scene_args::SceneArgs;
 pub struct Args {
     #[command(flatten)]
     scene: SceneArgs,
-    /// File to write: .xml (Mitsuba 3, with meshes and pictures in a folder beside it), .gltf or .glb.
+    /// File to write: .xml (Mitsuba 3) or .pbrt (pbrt-v4), with meshes and pictures in a folder beside it, .gltf or .glb.
     output: PathBuf,
     /// Segments of a full circle where POV-Ray's solids become triangles; 64 where not given.
     #[arg(long, value_name = "N")]
