@@ -25,6 +25,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from caustics import relmse
 from peers import Peer, scene_job
 
 import etendue
@@ -45,12 +46,6 @@ def scene_file(folder: Path, name: str) -> Path:
         if candidate.exists():
             return candidate
     raise SystemExit(f"no scene {name} in {folder}")
-
-
-def relmse(picture: np.ndarray, reference: np.ndarray) -> float:
-    """Return mean((x − ref)² / (ref² + 0.01)) without the worst 0.1% of the pixels."""
-    error = np.sort(((picture - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel())
-    return float(error[: int(len(error) * 0.999)].mean())
 
 
 def measure(args: argparse.Namespace, name: str) -> list[str]:

@@ -52,7 +52,7 @@ SCENES = {
 
 
 def relmse(picture: np.ndarray, reference: np.ndarray) -> float:
-    """Return the relative error without the worst 0.1% of the pixels."""
+    """Return mean((x − ref)² / (ref² + 0.01)) without the worst 0.1% of the pixels."""
     error = ((picture - reference) ** 2 / (reference**2 + 0.01)).mean(-1).ravel()
     error.sort()
     return float(error[: max(1, round(0.999 * error.size))].mean())

@@ -38,7 +38,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from agreement import relmse, scene_file
+from agreement import scene_file
+from caustics import relmse
 from peers import Peer, RefusedError, Running, present, scene_job
 
 import etendue

@@ -281,7 +281,8 @@ fn only_edges_are_smoothed() {
             if x != 8 {
                 assert!((value - expected).abs() < 1e-6, "{x} {value}");
             } else {
-                // The center is dark, and so are two of the three columns of the grid; of the third three in four samples are bright. Where neither corner is, nothing more is asked.
+                // The center is dark, and so are two of the three columns of the grid; of the third three in four samples are bright. Where
+                // neither corner is, nothing more is asked.
                 assert!((0.0..0.34).contains(&value), "{value}");
                 smoothed += value / 12.0;
             }

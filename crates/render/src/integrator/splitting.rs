@@ -2,8 +2,8 @@
 //!
 //! A camera ray and the direct light at what it meets often cost as much as all that follows, and have little noise; then several paths
 //! that go on from there are worth more than several camera rays. How many is a question of errors and costs (Arvo and Kirk 1990,
-//! doi:10.1145/97880.97886; Bolin and Meyer 1997, doi:10.1145/258734.258865). With variances V and costs C before and after the split, and n camera rays for each pixel, the error
-//! Σ (V₀ + V₁ / k) / n at a cost of Σ n (C₀ + k C₁) is least for
+//! doi:10.1145/97880.97886; Bolin and Meyer 1997, doi:10.1145/258734.258865). With variances V and costs C before and after the split,
+//! and n camera rays for each pixel, the error Σ (V₀ + V₁ / k) / n at a cost of Σ n (C₀ + k C₁) is least for
 //!
 //! ```text
 //! k² = (V₁ / C₁) · (Σ C₀ / Σ V₀)

@@ -37,7 +37,7 @@ impl Session {
                         break;
                     }
                     let (weight, _) = self.sample(x, y, stream.of_sample(index - 1), &mut estimate);
-                    differs |= index <= CORNERS && centers.differs_from(x, y, own_rgb(&estimate, space));
+                    differs = differs || centers.differs_from(x, y, own_rgb(&estimate, space));
                     if index >= further.start {
                         self.add(tile, x, y, index, weight, space, &estimate, &mut values);
                     }
