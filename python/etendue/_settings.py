@@ -16,6 +16,8 @@ class RenderSettings(TypedDict, total=False):
     """Smooth only pixels that differ from a neighbor by more than this, 0 to 3; 0 is off. POV-Ray scenes take 0.3 unless spp is given."""
     antialias_depth: int | None
     """Rows and columns of samples that antialiasing adds; 3 where not given."""
+    adaptive: float | None
+    """Relative error, such as 0.02, at which pixels take no more samples (spp: at most; 1024); 0 for as many samples in each pixel."""
     integrator: str | None
     """Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals"""
     sampler: str | None
@@ -29,7 +31,7 @@ class RenderSettings(TypedDict, total=False):
     rr_depth: int | None
     """Path length from which Russian roulette may end a path."""
     max_splits: int | None
-    """Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one."""
+    """Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1: no pilot."""
     guiding: str | None
     """Whether paths are guided to where light was found to come from: auto (where a trial says that it pays), on, off."""
     light_sampler: str | None

@@ -342,7 +342,7 @@ fn ctrl_c_keeps_what_is_done() {
     assert!(asked.elapsed() < Duration::from_secs(20), "it takes {:?}", asked.elapsed());
     assert!(Image::load(&dir.path("a.exr")).unwrap().rgb().unwrap().iter().flatten().any(|v| *v > 0.0));
     let done = Film::load(&dir.path("c.film")).unwrap();
-    let before = done.max_sample_count();
+    let before = done.declared_spp();
     // What was kept is worth going on from.
     let spp = before + 2;
     dir.ok(&format!("render scene.xml --spp {spp} -o b.exr --aov samples --checkpoint c.film --resume"));

@@ -60,7 +60,7 @@ pub fn film_info(py: Python<'_>, films: Vec<PyBackedBytes>) -> PyResult<Bound<'_
     out.set_item("seed", meta.seed)?;
     out.set_item("renderer", &meta.renderer)?;
     out.set_item("render_secs", meta.render_ms as f64 / 1000.0)?;
-    out.set_item("spp", film.max_sample_count())?;
+    out.set_item("spp", film.declared_spp())?;
     let error = py.detach(|| film.relative_error());
     out.set_item("relative_error", error.is_finite().then_some(error))?;
     out.set_item("non_finite", film.counters().non_finite)?;

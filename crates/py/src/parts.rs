@@ -34,7 +34,7 @@ pub struct Parts {
     /// Samples per pixel that settings and file ask for.
     #[pyo3(get)]
     pub spp: u32,
-    /// Whether a part has all samples of its pixels, as where pixels that look like their neighbors take one sample.
+    /// Whether a part has all samples of its pixels, as where pixels take no more than they need: with antialiasing and adaptive sampling.
     #[pyo3(get)]
     pub is_adaptive: bool,
     /// Whether samples give light to other pixels: then a part is the whole picture.
@@ -80,7 +80,7 @@ impl Prepared {
         let (aovs, _) = Aov::parse_list(aovs).map_err(|e| errors::error(py, "SettingError", e))?;
         let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
         if settings.spp.is_none() && !fixed_spp {
-            plan.spp = job::DEFAULT_SPP;
+            plan.spp = if plan.is_uneven() && plan.antialias.is_none() { plan.spp } else { job::DEFAULT_SPP };
             plan.antialias = None;
         }
         let pool = background::pool(py, threads)?;
@@ -107,7 +107,7 @@ impl Prepared {
             height: plan.height,
             crop: (x0, y0, x1, y1),
             spp: plan.spp,
-            is_adaptive: plan.antialias.is_some(),
+            is_adaptive: plan.is_uneven(),
             splats: session.splats(),
             has_costly_passes: session.has_costly_passes(),
             warnings: [session.notes(), session.warnings().to_vec()].concat(),
@@ -144,7 +144,10 @@ impl Prepared {
             return Err(setting(format!("`{}` gives light to all pixels: its parts are the whole picture", this.integrator)));
         }
         if parts.is_adaptive && (begin, end) != (0, parts.spp) {
-            return Err(setting(format!("with antialiasing a part has all samples 0..{}, not {begin}..{end}", parts.spp)));
+            return Err(setting(format!(
+                "where pixels take different numbers of samples a part has all, 0..{}, not {begin}..{end}",
+                parts.spp
+            )));
         }
         let taken = this.session.lock().unwrap_or_else(PoisonError::into_inner).take();
         let mut session = taken.ok_or_else(|| errors::error(py, "Error", "another part is being rendered, or has failed".to_owned()))?;

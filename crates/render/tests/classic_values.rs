@@ -323,7 +323,7 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
     merged.merge(&part(0, 1)).unwrap();
     merged.merge(&part(1, 3)).unwrap();
     assert_eq!(one.develop(), merged.develop());
-    assert_eq!(one.max_sample_count(), merged.max_sample_count());
+    assert_eq!(one.declared_spp(), merged.declared_spp());
     // So do the borders of a part of the picture.
     let (mut session, stop) = session(mixed(), &settings, Some([11, 7, 30, 29]));
     let crop = render(&mut session, &stop, 2);

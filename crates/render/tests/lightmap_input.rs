@@ -117,6 +117,8 @@ fn wrong_settings_are_refused_with_a_sentence() {
     refused(BakeOptions { padding: 0, ..small() }, "gutter");
     refused(BakeOptions { padding: 20, ..small() }, "gutter");
     refused(BakeOptions { texels_per_meter: Some(f64::NAN), ..small() }, "positive");
+    let of_pixels = RenderSettings { adaptive: Some(0.1), ..RenderSettings::default() };
+    assert!(Bake::new(&desc, &of_pixels, &small(), "path").err().unwrap().to_string().contains("`adaptive` is for pixels"));
     let lit = Bake::new(&desc, &RenderSettings::default(), &small(), "path").unwrap();
     let is_cancelled = || false;
     let stage = Stage::without_camera(0, &is_cancelled, &|_, _| {});

@@ -15,6 +15,8 @@ params! {
         antialias: Option<f32> = None, "number", "";
         /// Rows and columns of samples that antialiasing adds; 3 where not given.
         antialias_depth: Option<u32> = None, "integer", "";
+        /// Relative error, such as 0.02, at which pixels take no more samples (spp: at most; 1024); 0 for as many samples in each pixel.
+        adaptive: Option<f32> = None, "number", "";
         /// Method: auto, path, pathmap, mnee, bdpt, vcm, mlt, light, sppm, photon, particles, radiosity, raster, whitted, direct, ao, normals
         integrator: Option<String> = None, "name", "";
         /// Where samples come from: sobol (Owen-scrambled), independent, stratified, halton.
@@ -27,7 +29,7 @@ params! {
         max_depth: Option<u32> = None, "integer", "edges";
         /// Path length from which Russian roulette may end a path.
         rr_depth: Option<u32> = None, "integer", "edges";
-        /// Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1 for one.
+        /// Most paths that go on from where a camera ray is scattered first, as a pilot decides by place; 16 where not given, 1: no pilot.
         max_splits: Option<u32> = None, "integer", "paths";
         /// Whether paths are guided to where light was found to come from: auto (where a trial says that it pays), on, off.
         guiding: Option<String> = None, "name", "";

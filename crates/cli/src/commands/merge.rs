@@ -63,7 +63,7 @@ fn attributes(film: &Film) -> Vec<(String, ExrAttribute)> {
         ("sceneHash".into(), ExrAttribute::Text(meta.scene_hash.clone())),
         // As text: a seed has 64 bits.
         ("seed".into(), ExrAttribute::Text(meta.seed.to_string())),
-        ("spp".into(), ExrAttribute::Int(i32::try_from(film.max_sample_count()).unwrap_or(i32::MAX))),
+        ("spp".into(), ExrAttribute::Int(i32::try_from(film.declared_spp()).unwrap_or(i32::MAX))),
         ("renderSeconds".into(), ExrAttribute::Float(meta.render_ms as f32 / 1000.0)),
     ]
 }

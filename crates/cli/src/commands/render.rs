@@ -141,10 +141,12 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
             _ => film.save(path).with_context(context)?,
         }
         if !args.quiet {
-            let spp = film.max_sample_count();
+            let (declared, mean) = (film.declared_spp(), film.mean_sample_count());
+            let differs = (mean - f64::from(declared)).abs() > 0.02 * f64::from(declared);
+            let spp = if differs { format!("{declared} spp ({mean:.1} in the mean)") } else { format!("{declared} spp") };
             let (size, time) = (film.rect(), progress::human(elapsed));
             note(&format!(
-                "{}: {}×{}, {spp} spp, {} in {time} (loading took {})",
+                "{}: {}×{}, {spp}, {} in {time} (loading took {})",
                 path.display(),
                 size.width(),
                 size.height(),

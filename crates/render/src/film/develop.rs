@@ -1,7 +1,7 @@
 //! From sums to pictures and error estimates.
 
 use super::splat::DevelopedSplats;
-use super::{Film, SQUARE_ONE, SQUARES, real};
+use super::{Film, Rect, SQUARE_ONE, SQUARES, real};
 use crate::classic::WorkingSpace;
 use crate::image::Image;
 
@@ -117,9 +117,21 @@ impl Film {
         let splats = DevelopedSplats::new(self);
         let terms = (0..self.counts.len()).map(|pixel| {
             let (splat, splat_variance) = splats.as_ref().map_or((0.0, 0.0), |s| (s.luminance(pixel), s.variance(pixel, 3)));
-            let mean = self.luminance_sum(pixel) * self.divisor(pixel) + splat;
-            (self.pixel_variance(pixel, 3) + splat_variance) / (mean * mean + 0.01)
+            self.relative_variance(pixel, splat, splat_variance)
         });
         (terms.sum::<f64>() / self.counts.len() as f64).sqrt()
+    }
+
+    /// The same over the pixels of a rectangle within the film's, without the light of splats.
+    pub(crate) fn relative_error_within(&self, rect: Rect) -> f64 {
+        let rows = (rect.y0..rect.y1).map(|y| self.pixel(rect.x0, y));
+        let pixels = rows.flat_map(|first| first..first + rect.width() as usize);
+        (pixels.map(|pixel| self.relative_variance(pixel, 0.0, 0.0)).sum::<f64>() / rect.area() as f64).sqrt()
+    }
+
+    /// Variance of a pixel's mean luminance over its square, which counts as 0.01 more; both with what splats bring.
+    fn relative_variance(&self, pixel: usize, splat: f64, splat_variance: f64) -> f64 {
+        let mean = self.luminance_sum(pixel) * self.divisor(pixel) + splat;
+        (self.pixel_variance(pixel, 3) + splat_variance) / (mean * mean + 0.01)
     }
 }

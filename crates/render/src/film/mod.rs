@@ -221,9 +221,35 @@ impl Film {
         if self.rect.contains(x, y) { self.counts[self.pixel(x, y)] } else { 0 }
     }
 
-    /// The largest number of samples of a pixel.
-    pub fn max_sample_count(&self) -> u32 {
-        self.counts.iter().copied().max().unwrap_or(0)
+    /// The mean number of samples of a pixel.
+    pub fn mean_sample_count(&self) -> f64 {
+        self.counts.iter().map(|&n| f64::from(n)).sum::<f64>() / self.counts.len() as f64
+    }
+
+    /// The largest number of samples of a pixel that it was declared to hold. A pixel may have fewer, where it is smooth or its error small,
+    /// and more, where a method has planned that; the mean is about this one then.
+    pub fn declared_spp(&self) -> u32 {
+        // What begins and ends at each pixel, summed over rows and columns: parts may have been cut in many ways.
+        let columns = self.rect.width() as usize + 1;
+        let mut steps = vec![0i64; columns * (self.rect.height() as usize + 1)];
+        for e in self.held.entries() {
+            let [x, y] = [e.rect.x0 - self.rect.x0, e.rect.y0 - self.rect.y0].map(|v| v as usize);
+            let (width, height, count) = (e.rect.width() as usize, e.rect.height() as usize, i64::from(e.end - e.begin));
+            for (x, y, step) in [(x, y, count), (x + width, y, -count), (x, y + height, -count), (x + width, y + height, count)] {
+                steps[y * columns + x] += step;
+            }
+        }
+        let mut above = vec![0i64; columns];
+        let mut most = 0;
+        for row in steps.chunks_exact(columns) {
+            let mut sum = 0;
+            for (total, step) in above.iter_mut().zip(row) {
+                sum += step;
+                *total += sum;
+                most = most.max(*total);
+            }
+        }
+        u32::try_from(most).unwrap_or(u32::MAX)
     }
 
     #[inline]

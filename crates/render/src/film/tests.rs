@@ -509,3 +509,22 @@ fn splats_are_divided_by_the_samples_per_pixel() {
     assert!((at("variance.R") - variance).abs() < 1e-6, "{} {variance}", at("variance.R"));
     assert!(film.relative_error().is_finite());
 }
+
+/// Parts that were cut one way for the first samples and another way for later ones.
+#[test]
+fn declared_samples_are_those_of_the_pixel_with_most() {
+    let mut film = Film::new(spec()).unwrap();
+    let Rect { x0, y0, x1, y1 } = film.rect();
+    let (x, y) = (x0.midpoint(x1), y0.midpoint(y1));
+    assert_eq!(film.declared_spp(), 0);
+    for (rect, begin, end, most) in [
+        (Rect::new(x0, y0, x, y1), 0, 16, 16),
+        (Rect::new(x, y0, x1, y1), 0, 16, 16),
+        (Rect::new(x0, y, x1, y1), 16, 23, 23),
+        (Rect::new(x0, y0, x1, y), 16, 32, 32),
+        (Rect::new(x0, y, x1, y1), 23, 32, 32),
+    ] {
+        film.mark_held(rect, begin, end).unwrap();
+        assert_eq!(film.declared_spp(), most, "{rect}");
+    }
+}

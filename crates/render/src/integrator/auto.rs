@@ -16,6 +16,8 @@
 //! tracing: `vcm` leaves connections to the camera out here, for which merging stands in ([`Vcm::without_splats`]), but not in media, where
 //! it does not merge and is not tried.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::photon_settings::{PhotonSettings, check};
@@ -254,6 +256,10 @@ impl Integrator for Auto {
         self.chosen.pass_limit()
     }
 
+    fn samples_of(&self, pixel: [u32; 2], begin: u32, end: u32) -> Range<u32> {
+        self.chosen.samples_of(pixel, begin, end)
+    }
+
     fn begin_pass(&mut self, scene: &Scene, first: u32, end: u32, stage: &Stage) -> Result<(), String> {
         self.chosen.begin_pass(scene, first, end, stage)
     }
@@ -309,7 +315,7 @@ impl Means {
 
 impl Pilot {
     /// Adds samples of all pixels of the grid to a half.
-    fn add(&mut self, scene: &Scene, method: &dyn Integrator, stage: &Stage, half: u32, samples: std::ops::Range<u32>) {
+    fn add(&mut self, scene: &Scene, method: &dyn Integrator, stage: &Stage, half: u32, samples: Range<u32>) {
         let sampler = Sampler { kind: SamplerKind::Independent, seed: stage.seed ^ PILOT_SEED, spp: 1 };
         let [width, height] = stage.size.map(|n| n as f32);
         let found: Vec<f64> = (0..GRID * GRID)

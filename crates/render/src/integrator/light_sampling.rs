@@ -69,6 +69,23 @@ fn choose_and_sample(
 ) -> Option<Direct> {
     let u_light = if scene.light_sampler.has_choice() { stream.next_1d() } else { stream.skip_1d() };
     let u = stream.next_2d();
+    choose_and_sample_at(scene, ctx, u_light, u, sample)
+}
+
+/// [`sample_one`] by numbers in [0, 1): `u_light` chooses the light, `u` samples it.
+#[inline]
+pub(super) fn sample_one_at(scene: &Scene, ctx: &LightContext, u_light: f32, u: Vec2) -> Option<Direct> {
+    choose_and_sample_at(scene, ctx, u_light, u, |index, u| scene.lights[index as usize].sample_compensated(ctx, u))
+}
+
+#[inline(always)]
+fn choose_and_sample_at(
+    scene: &Scene,
+    ctx: &LightContext,
+    u_light: f32,
+    u: Vec2,
+    sample: impl Fn(u32, Vec2) -> Option<LightSample>,
+) -> Option<Direct> {
     let (index, pmf) = scene.light_sampler.sample(ctx, u_light)?;
     let sample = sample(index, u)?;
     let radiance = scene.light_radiance(index, &sample);

@@ -32,6 +32,7 @@ mod photon_settings;
 mod photon_walk;
 mod radiosity;
 mod raster;
+mod resampling;
 mod splitting;
 mod sppm;
 mod vcm;
@@ -59,6 +60,8 @@ pub use raster::Raster;
 pub use sppm::Sppm;
 pub use vcm::Vcm;
 pub use whitted::Whitted;
+
+use std::ops::Range;
 
 use etendue_scene::RenderSettings;
 use etendue_scene::desc::IntegratorDesc;
@@ -225,6 +228,12 @@ pub trait Integrator: Send + Sync {
         true
     }
 
+    /// The samples of a pixel that the samples `begin..end` of the picture stand for, after [`Self::prepare`]: as many in the mean, more where
+    /// there is more to find. Ranges that follow each other stand for ranges that follow each other, and the first one for at least one sample.
+    fn samples_of(&self, _pixel: [u32; 2], begin: u32, end: u32) -> Range<u32> {
+        begin..end
+    }
+
     /// Whether estimates hold light for other pixels.
     fn splats(&self) -> bool {
         false
@@ -286,6 +295,7 @@ pub fn create(settings: &RenderSettings, desc: &IntegratorDesc) -> Result<Box<dy
     let photons = || PhotonSettings::new(settings, max_depth, rr_depth);
     let mut path = Path::new(max_depth.unwrap_or(u32::MAX), rr_depth);
     path.max_splits = settings.max_splits.unwrap_or(16);
+    path.allots = settings.adaptive.is_none();
     path.guiding = settings.guiding.as_deref().map_or(Ok(Guiding::Auto), Guiding::from_name)?;
     Ok(match name {
         "auto" => Box::new(Auto::new(path, photons()?)),

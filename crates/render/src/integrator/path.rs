@@ -9,11 +9,14 @@
 //!
 //! Media scatter, absorb and emit along the way (`volume`): a scattering in a medium is an edge of the path as one at a surface is.
 
+use std::ops::Range;
+
 use arrayvec::ArrayVec;
 
 use super::caustics::{Caustics, Place, Start};
 use super::guiding::{COST, Directions, Guide, Guiding, Lesson, can_guide};
-use super::light_sampling::{context, infinite, pdf_surface, sample_one, visibility};
+use super::light_sampling::{context, infinite, pdf_surface, sample_one};
+use super::resampling::{CHOICE_NUMBERS, Receiver};
 use super::splitting::{Probe, Splits};
 use super::volume::{self, Scattered, power_of_three};
 use super::{Estimate, FirstHit, Integrator, Stage, Vertex};
@@ -35,6 +38,8 @@ const MAX_CROSSINGS: u32 = 1024;
 /// Numbers that a vertex draws for its direct light, and those for its scattering and roulette: none is made that is not used.
 const DIRECT_NUMBERS: u32 = 3;
 const SCATTER_NUMBERS: u32 = 4;
+/// Where the numbers lie of the light samples that a pilot compares with those of the path: beyond all others.
+const COMPARED_NUMBERS: u32 = 1 << 30;
 
 /// The path tracer.
 #[derive(Clone, Debug)]
@@ -46,8 +51,10 @@ pub struct Path {
     /// Samples direct light along segments in homogeneous media by the angle from the light as well: less noise about small lights.
     pub equiangular: bool,
     /// Most paths that go on from the first surface that scatters a path; 1 for none but one. How many do is decided by
-    /// [`Integrator::prepare`], for each part of the picture.
+    /// [`Integrator::prepare`], for each part of the picture; where that is asked for, so is of how many light samples one is chosen there.
     pub max_splits: u32,
+    /// Whether pixels may take different numbers of samples, where the same pilot finds that this is worth it.
+    pub allots: bool,
     pub(super) splits: Option<Splits>,
     /// Whether paths are guided to where light has been found to come from; decided by [`Integrator::prepare`] as well.
     pub guiding: Guiding,
@@ -114,11 +121,21 @@ impl Integrator for Path {
     }
 
     fn notes(&self) -> Vec<String> {
-        let describe = |splits: &Splits| {
-            let (least, mean, most) = splits.summary();
-            format!("path: {mean:.1} paths go on from where a camera ray is scattered first ({least} to {most} by place)")
+        let describe = |what: &str, (least, mean, most): (u8, f64, u8)| {
+            (most > 1).then(|| format!("path: {mean:.1} {what} where a camera ray is scattered first ({least} to {most} by place)"))
         };
-        self.note.iter().cloned().chain(self.splits.iter().filter(|s| s.summary().2 > 1).map(describe)).collect()
+        let splits = self.splits.iter().flat_map(|splits| {
+            let paths = describe("paths go on from", splits.splits());
+            paths.into_iter().chain(describe("light samples are compared", splits.candidates()))
+        });
+        let rates = self.splits.as_ref().map(Splits::rates).filter(|[least, most]| least < most);
+        let rates =
+            rates.map(|[least, most]| format!("path: pixels take {least:.1} to {most:.1} samples for each of the picture, by place"));
+        self.note.iter().cloned().chain(splits).chain(rates).collect()
+    }
+
+    fn samples_of(&self, pixel: [u32; 2], begin: u32, end: u32) -> Range<u32> {
+        self.splits.as_ref().map_or(begin..end, |splits| splits.samples_of(pixel, begin, end))
     }
 
     fn estimate(&self, scene: &Scene, camera_ray: &CameraRay, stream: &mut SampleStream, out: &mut Estimate) {
@@ -129,7 +146,17 @@ impl Integrator for Path {
 impl Path {
     /// Paths of at most `max_depth` scattering events, of which roulette may end those with `rr_depth` or more; they do not split.
     pub fn new(max_depth: u32, rr_depth: u32) -> Self {
-        Self { max_depth, rr_depth, equiangular: true, max_splits: 1, splits: None, guiding: Guiding::Off, guide: None, note: None }
+        Self {
+            max_depth,
+            rr_depth,
+            equiangular: true,
+            max_splits: 1,
+            allots: true,
+            splits: None,
+            guiding: Guiding::Off,
+            guide: None,
+            note: None,
+        }
     }
 
     /// Learns where light comes from, where that is wanted and pays; forgets how paths split.
@@ -322,22 +349,33 @@ impl Path {
             if let Some(lessons) = &mut probe.lessons {
                 lessons.extend(Lesson::at(&s, &scatter, wo, path.throughput, path.guided, out));
             }
-            let ctx = context(&s);
-            let mut numbers = stream.part(DIRECT_NUMBERS);
-            if !last_edge
-                && scatter.is_smooth_anywhere()
-                && let Some(direct) = sample_one(scene, &ctx, &mut numbers)
-                && !(C::ON && caustics.finds_direct(&path.trail, &scatter, direct.light))
-            {
-                let (f, bsdf_pdf) = scatter.eval_pdf(wo, direct.sample.wi, TransportMode::Radiance);
-                if !f.is_black() {
-                    let bsdf_pdf = directions.as_ref().map_or(bsdf_pdf, |d| d.pdf(direct.sample.wi, bsdf_pdf));
-                    let weight = if direct.sample.delta { 1.0 } else { power_heuristic(direct.pdf, bsdf_pdf) };
-                    let unshadowed = path.throughput * f * direct.radiance * (weight / direct.pdf);
-                    let visible = visibility(scene, &s, wo, &path.media, &direct.sample, &mut path.rng);
-                    if !visible.is_black() {
-                        out.add(unshadowed * visible, direct.group);
+            // Where paths split, and on the way there, a pilot may have found it worth while to choose among light samples.
+            let candidates = if path.splits > 0 { probe.candidates } else { 1 };
+            let mut numbers = stream.part(DIRECT_NUMBERS + if candidates > 1 { CHOICE_NUMBERS } else { 0 });
+            if !last_edge && scatter.is_smooth_anywhere() {
+                let (throughput, directions) = (path.throughput, directions.as_ref());
+                let receiver = Receiver { surface: &s, scatter: &scatter, wo, directions, media: &path.media, throughput };
+                let found = out.radiance;
+                if candidates > 1 {
+                    let direct = receiver.resampled(scene, caustics, &path.trail, candidates, numbers, &mut path.rng);
+                    if let Some((visible, group)) = direct {
+                        out.add(visible, group);
                     }
+                } else if let Some(direct) = sample_one(scene, &context(&s), &mut numbers)
+                    && !(C::ON && caustics.finds_direct(&path.trail, &scatter, direct.light))
+                {
+                    let unshadowed = receiver.unshadowed(&direct);
+                    if !unshadowed.is_black() {
+                        let visible = receiver.visible(scene, &direct, unshadowed, &mut path.rng);
+                        if !visible.is_black() {
+                            out.add(visible, direct.group);
+                        }
+                    }
+                }
+                if path.splits > 0 && probe.compared > 1 {
+                    let numbers = stream.at(COMPARED_NUMBERS);
+                    let direct = receiver.resampled(scene, caustics, &path.trail, probe.compared, numbers, &mut path.rng);
+                    probe.resampled(out.radiance - found, direct.map_or(Spectrum::ZERO, |d| d.0));
                 }
             }
             if C::ON && !last_edge && scatter.is_smooth_anywhere() {

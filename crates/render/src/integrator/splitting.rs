@@ -1,4 +1,4 @@
-//! How many ways a path goes on from the first surface that scatters it.
+//! How many ways a path goes on from the first surface that scatters it, and of how many light samples it chooses one there.
 //!
 //! A camera ray and the direct light at what it meets often cost as much as all that follows, and have little noise; then several paths
 //! that go on from there are worth more than several camera rays. How many is a question of errors and costs (Arvo and Kirk 1990,
@@ -13,12 +13,23 @@
 //! what paths rarely find get more paths than walls in the lamp's light: the split is adaptive sampling without a bias, as a
 //! pilot of its own decides, once, before the first sample. The pilot is a function of the scene, the settings and the seed.
 //!
+//! Light samples of which one is chosen where the path splits (`resampling`) are a question of the same form: of the variance before the
+//! split a part B falls as B / M with their number M, and each costs c. The pilot finds B as the difference of two estimates by the same
+//! paths, of one light sample and of one of four. Where the picture as a whole shows no such difference, there is no choice.
+//!
+//! Then camera rays themselves: with variance V and cost C of all that a camera ray brings, n in proportion to √(V / C) finds most, and
+//! a sample of the picture stands for more samples of noisy pixels and for less than one of others ([`Splits::samples_of`]).
+//! Unlike sampling that looks at what it has found so far (`session::adaptive`) this has no bias.
+//!
 //! Later vertices do not split. Tried, by statistics of what paths find from cells of the scene on (after Rath et al. 2022, "EARS",
 //! doi:10.1145/3528223.3530168): 0.81 of the efficiency in a kitchen, 0.94 to 1.05 in five other scenes.
+
+use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::guiding::Lesson;
+use super::resampling::MOST_CANDIDATES;
 use super::{Estimate, Path, Stage, Vertex};
 use crate::math::Vec2;
 use crate::math::hash::mix64;
@@ -34,6 +45,23 @@ const MOST_BLOCKS: u64 = 16384;
 const HALF: u32 = 8;
 /// Paths into which each of them splits.
 const CHILDREN: u32 = 2;
+/// A rate of one sample for each of the picture.
+const RATE_ONE: u16 = 16;
+/// Limits of rates: edges of things that the pilot has not seen are smooth with half of the samples as well.
+const LEAST_RATE: f64 = 0.5;
+const MOST_RATE: f64 = 8.0;
+/// Blocks in each direction that a rate comes from.
+const REACH: usize = 2;
+/// The least gain in efficiency for which pixels take different numbers of samples.
+const LEAST_GAIN: f64 = 1.05;
+/// Light samples of which it chooses one, to compare what that is worth with one light sample.
+const COMPARED: u32 = 4;
+/// What one light sample without its shadow ray costs, in edges: 0.3 to 0.6 on the scenes of `bench/efficiency.py`.
+const CANDIDATE_COST: f64 = 0.5;
+/// Standard errors of the mean gain over the picture by which it has to be above zero.
+const SIGNIFICANT: f64 = 2.0;
+/// Most of the variance before the split that is ascribed to the choice of the light sample: some of it is always the shadows'.
+const MOST_SHARE: f64 = 0.95;
 /// The pilot's random numbers are not those of the picture.
 const PILOT_SEED: u64 = 0x5eed_0f5b_1177_1e55;
 
@@ -42,6 +70,12 @@ const PILOT_SEED: u64 = 0x5eed_0f5b_1177_1e55;
 pub(super) struct Probe {
     /// Paths that go on from the first surface that does more than mirror or refract.
     pub splits: u32,
+    /// Light samples of which one is chosen for direct light on that surface.
+    pub candidates: u32,
+    /// The same for another estimate of that light, to be compared with; 0 where nobody asks.
+    pub compared: u32,
+    /// What the other estimate has more than that of the path.
+    other: Spectrum,
     /// Light found before the split.
     before: Spectrum,
     /// Light found by the first two paths after it, each as if it were alone.
@@ -62,6 +96,9 @@ impl Probe {
     pub fn new(splits: u32) -> Self {
         Self {
             splits,
+            candidates: 1,
+            compared: 0,
+            other: Spectrum::ZERO,
             before: Spectrum::ZERO,
             after: [Spectrum::ZERO; CHILDREN as usize],
             edges_before: 0,
@@ -71,7 +108,13 @@ impl Probe {
         }
     }
 
-    /// The path is about to split, or could.
+    /// Direct light where the path is about to split, and another estimate of it.
+    #[cold]
+    pub fn resampled(&mut self, light: Spectrum, other: Spectrum) {
+        self.other = other - light;
+    }
+
+    /// The path is about to split, or could, and its direct light is found.
     #[inline]
     pub fn at_split(&mut self, out: &Estimate, edges: u32) {
         self.before = out.radiance;
@@ -97,14 +140,17 @@ impl Probe {
     }
 }
 
-/// Numbers of paths for blocks of pixels.
+/// Numbers of paths and of samples for blocks of pixels.
 #[derive(Clone, Debug)]
 pub(super) struct Splits {
     /// Rows and columns of pixels in a block.
     block: u32,
     columns: u32,
     rows: u32,
-    counts: Vec<u8>,
+    /// Paths that go on, and light samples of which one is chosen.
+    counts: Vec<[u8; 2]>,
+    /// Samples of a pixel for each of the picture, in [`RATE_ONE`]-ths.
+    rates: Vec<u16>,
 }
 
 /// What the pilot knows of a block: a mean, variances of a sample and costs in edges; before and after the split.
@@ -113,10 +159,14 @@ struct Look {
     mean: f64,
     variance: [f64; 2],
     cost: [f64; 2],
+    /// How much less variance there is before the split where one of [`COMPARED`] light samples is chosen.
+    gain: f64,
+    /// Share of the samples that have such a choice.
+    choices: f64,
 }
 
 impl Splits {
-    /// Decides by a pilot, for numbers up to `most`.
+    /// Decides by a pilot, for numbers of paths up to `most`.
     pub fn plan(path: &Path, scene: &Scene, stage: &Stage, most: u32) -> Self {
         let mut block = LEAST_BLOCK;
         let blocks = |block: u32| stage.size.map(|n| n.div_ceil(block).max(1));
@@ -134,21 +184,51 @@ impl Splits {
                 look(path, scene, stage, &sampler, block, [i as u32 % columns, i as u32 / columns])
             })
             .collect();
-        let counts = decide(&looks, [columns as usize, rows as usize], f64::from(most.clamp(1, 255)));
-        Self { block, columns, rows, counts }
+        let size = [columns as usize, rows as usize];
+        let terms = Terms::new(&looks, size);
+        let counts = decide(&terms, size, f64::from(most.clamp(1, 255)));
+        let rates = if path.allots { allot(&terms, &counts, size) } else { vec![RATE_ONE; counts.len()] };
+        Self { block, columns, rows, counts, rates }
     }
 
     /// What a path through a pixel does.
     #[inline]
     pub fn at(&self, [x, y]: [u32; 2]) -> Probe {
-        let (column, row) = ((x / self.block).min(self.columns - 1), (y / self.block).min(self.rows - 1));
-        Probe::new(u32::from(self.counts[(row * self.columns + column) as usize]))
+        let [splits, candidates] = self.counts[self.block_of([x, y])].map(u32::from);
+        Probe { candidates, ..Probe::new(splits) }
     }
 
-    /// Smallest, mean and greatest number.
-    pub fn summary(&self) -> (u8, f64, u8) {
-        let sum: f64 = self.counts.iter().map(|&n| f64::from(n)).sum();
-        let all = || self.counts.iter().copied();
+    fn block_of(&self, [x, y]: [u32; 2]) -> usize {
+        let (column, row) = ((x / self.block).min(self.columns - 1), (y / self.block).min(self.rows - 1));
+        (row * self.columns + column) as usize
+    }
+
+    /// The samples of a pixel that samples of the picture stand for; see [`super::Integrator::samples_of`].
+    pub fn samples_of(&self, pixel: [u32; 2], begin: u32, end: u32) -> Range<u32> {
+        let rate = u64::from(self.rates[self.block_of(pixel)]);
+        let at = |index: u32| (u64::from(index) * rate).div_ceil(u64::from(RATE_ONE)).min(u64::from(u32::MAX - 1)) as u32;
+        at(begin)..at(end)
+    }
+
+    /// Smallest and greatest number of samples for each of the picture.
+    pub fn rates(&self) -> [f64; 2] {
+        let all = || self.rates.iter().map(|&rate| f64::from(rate) / f64::from(RATE_ONE));
+        [all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max)]
+    }
+
+    /// Smallest, mean and greatest number of paths.
+    pub fn splits(&self) -> (u8, f64, u8) {
+        self.summary(0)
+    }
+
+    /// The same of light samples of which one is chosen.
+    pub fn candidates(&self) -> (u8, f64, u8) {
+        self.summary(1)
+    }
+
+    fn summary(&self, which: usize) -> (u8, f64, u8) {
+        let all = || self.counts.iter().map(|counts| counts[which]);
+        let sum: f64 = all().map(f64::from).sum();
         (all().min().unwrap_or(1), sum / self.counts.len() as f64, all().max().unwrap_or(1))
     }
 }
@@ -157,9 +237,9 @@ impl Splits {
 fn look(path: &Path, scene: &Scene, stage: &Stage, sampler: &Sampler, block: u32, at: [u32; 2]) -> Look {
     let mut estimate = Estimate::default();
     let mut look = Look::default();
-    let mut halves = [0.0; 2];
+    let (mut halves, mut others) = ([0.0; 2], [0.0; 2]);
     let n = f64::from(2 * HALF);
-    for (seed, sum) in (sampler.seed..).zip(&mut halves) {
+    for ((seed, sum), other) in (sampler.seed..).zip(&mut halves).zip(&mut others) {
         let pixel = [0, 1].map(|a| (at[a] * block + block / 2).min(stage.size[a].saturating_sub(1)));
         let sampler = Sampler { seed, ..*sampler };
         for index in 0..HALF {
@@ -167,7 +247,7 @@ fn look(path: &Path, scene: &Scene, stage: &Stage, sampler: &Sampler, block: u32
             let at = Vec2::new(pixel[0] as f32, pixel[1] as f32) + stream.next_2d();
             let camera_ray = scene.camera_ray(at, stream.next_2d());
             estimate.reset(0);
-            let mut probe = Probe::new(CHILDREN);
+            let mut probe = Probe { compared: COMPARED, ..Probe::new(CHILDREN) };
             path.probe(scene, &camera_ray, &mut stream, &mut estimate, &mut probe);
             let before = finite(probe.before);
             let after = probe.after.map(finite);
@@ -175,10 +255,14 @@ fn look(path: &Path, scene: &Scene, stage: &Stage, sampler: &Sampler, block: u32
             look.variance[1] += 0.5 * (after[0] - after[1]).powi(2) / n;
             look.cost[0] += f64::from(probe.edges_before) / n;
             look.cost[1] += f64::from(probe.edges_after) / (n * f64::from(CHILDREN));
+            look.choices += f64::from(u8::from(probe.edges_after > 0)) / n;
             *sum += before / f64::from(HALF);
+            *other += (before + finite(probe.other)) / f64::from(HALF);
         }
     }
-    look.variance[0] = 0.5 * (halves[0] - halves[1]).powi(2) * f64::from(HALF);
+    let variance = |halves: [f64; 2]| 0.5 * (halves[0] - halves[1]).powi(2) * f64::from(HALF);
+    look.variance[0] = variance(halves);
+    look.gain = look.variance[0] - variance(others);
     look
 }
 
@@ -187,48 +271,141 @@ fn finite(light: Spectrum) -> f64 {
     if luminance.is_finite() { luminance } else { 0.0 }
 }
 
-/// The numbers that are best for what the pilot has seen.
-fn decide(looks: &[Look], size: [usize; 2], most: f64) -> Vec<u8> {
-    let mean = smooth(&looks.iter().map(|l| l.mean).collect::<Vec<_>>(), size);
+/// Weights that make variances relative to what is seen.
+fn weights(looks: &[Look], size: [usize; 2]) -> Vec<f64> {
+    let mean = around(&looks.iter().map(|l| l.mean).collect::<Vec<_>>(), size, 1, true);
     let of_all = mean.iter().sum::<f64>() / mean.len() as f64;
-    let weight = |i: usize| 1.0 / (mean[i] * mean[i] + 0.01 * of_all * of_all).max(1e-300);
-    // Blocks at the limits count as costs and errors of what does not split; a few rounds settle which these are.
-    let ideal = |i: usize, scale: f64| match looks[i].cost[1] {
-        0.0 => 1.0,
-        cost => (looks[i].variance[1] * weight(i) / cost).sqrt() * scale,
-    };
+    mean.iter().map(|mean| 1.0 / (mean * mean + 0.01 * of_all * of_all).max(1e-300)).collect()
+}
+
+/// What the pilot found of all blocks in terms of what is chosen: weighed errors and costs of a sample.
+struct Terms {
+    /// Of what is the same whatever is chosen; one light sample is in the cost.
+    fixed: Vec<[f64; 2]>,
+    /// Of what goes by the number of paths and by that of light samples.
+    shares: Vec<[[f64; 2]; 2]>,
+}
+
+impl Terms {
+    fn new(looks: &[Look], size: [usize; 2]) -> Self {
+        let weights = weights(looks, size);
+        let weighted = |of: fn(&Look) -> f64| looks.iter().zip(&weights).map(|(l, w)| of(l) * w).collect::<Vec<_>>();
+        let before = weighted(|l| l.variance[0]);
+        let resampled = resampled_variances(&weighted(|l| l.gain), &before, size);
+        let after = weighted(|l| l.variance[1]);
+        let of_choice = |l: &Look| CANDIDATE_COST * l.choices;
+        let shares = looks.iter().enumerate().map(|(i, l)| [[after[i], l.cost[1]], [resampled[i], of_choice(l)]]).collect();
+        let fixed = looks.iter().enumerate().map(|(i, l)| [before[i] - resampled[i], l.cost[0] - of_choice(l)]).collect();
+        Self { fixed, shares }
+    }
+
+    /// Error and cost of a sample of a block by so many paths and light samples.
+    fn of(&self, i: usize, counts: [f64; 2]) -> [f64; 2] {
+        let sum = |[error, cost]: [f64; 2], (share, k): ([f64; 2], f64)| [error + share[0] / k, cost + share[1] * k];
+        self.shares[i].into_iter().zip(counts).fold(self.fixed[i], sum)
+    }
+}
+
+/// The numbers of paths and of light samples that are best for what the pilot has seen.
+fn decide(terms: &Terms, size: [usize; 2], most: f64) -> Vec<[u8; 2]> {
+    let most = [most, f64::from(MOST_CANDIDATES)];
+    // Blocks at the limits count as costs and errors of what is the same whatever the number; a few rounds settle which these are.
+    let ideal = |[error, cost]: [f64; 2], scale: f64| if cost == 0.0 { 1.0 } else { (error / cost).sqrt() * scale };
     let mut scale = 0.0;
     for _ in 0..8 {
         let (mut cost, mut error) = (0.0, 0.0);
-        for (i, l) in looks.iter().enumerate() {
-            let k = ideal(i, scale);
-            cost += l.cost[0];
-            error += l.variance[0] * weight(i);
-            if k <= 1.0 || k >= most {
-                let k = k.clamp(1.0, most);
-                cost += l.cost[1] * k;
-                error += l.variance[1] * weight(i) / k;
+        for (fixed, shares) in terms.fixed.iter().zip(&terms.shares) {
+            error += fixed[0];
+            cost += fixed[1];
+            for (&share, most) in shares.iter().zip(most) {
+                let k = ideal(share, scale);
+                if k <= 1.0 || k >= most {
+                    let k = k.clamp(1.0, most);
+                    cost += share[1] * k;
+                    error += share[0] / k;
+                }
             }
         }
         scale = (cost / error.max(1e-300)).sqrt();
     }
-    let ideals: Vec<f64> = (0..looks.len()).map(|i| ideal(i, scale).clamp(1.0, most)).collect();
-    smooth(&ideals, size).iter().map(|k| (k + 0.5).max(1.0) as u8).collect()
+    let numbers = [0, 1].map(|which| {
+        let ideals: Vec<f64> = terms.shares.iter().map(|share| ideal(share[which], scale).clamp(1.0, most[which])).collect();
+        around(&ideals, size, 1, true)
+    });
+    let rounded = |k: f64| (k + 0.5).max(1.0) as u8;
+    (0..terms.fixed.len()).map(|i| [rounded(numbers[0][i]), rounded(numbers[1][i])]).collect()
 }
 
-/// Means over each block and its neighbors.
-fn smooth(values: &[f64], [columns, rows]: [usize; 2]) -> Vec<f64> {
+/// The part of each block's variance that falls with the number of light samples, from how much lower that was by [`COMPARED`] of
+/// them; zero everywhere where the picture as a whole does not show that there is any.
+fn resampled_variances(gains: &[f64], variances: &[f64], size: [usize; 2]) -> Vec<f64> {
+    let n = gains.len() as f64;
+    let mean = gains.iter().sum::<f64>() / n;
+    let variance = gains.iter().map(|g| (g - mean).powi(2)).sum::<f64>() / (n * (n - 1.0));
+    if gains.len() < 2 || !(mean > SIGNIFICANT * variance.sqrt()) {
+        return vec![0.0; gains.len()];
+    }
+    let all = f64::from(COMPARED) / f64::from(COMPARED - 1);
+    let means = |of: &[f64]| around(of, size, 1, true);
+    means(gains).iter().zip(means(variances)).map(|(g, v)| (all * g).min(MOST_SHARE * v).max(0.0)).collect()
+}
+
+/// How many samples pixels take for each of the picture, in [`RATE_ONE`]-ths; none more than others unless that is worth it.
+fn allot(terms: &Terms, counts: &[[u8; 2]], size: [usize; 2]) -> Vec<u16> {
+    let (mut variances, costs): (Vec<f64>, Vec<f64>) = (counts.iter().enumerate())
+        .map(|(i, counts)| {
+            let [variance, cost] = terms.of(i, counts.map(f64::from));
+            (if variance.is_finite() { variance.max(0.0) } else { 0.0 }, cost.max(1.0))
+        })
+        .unzip();
+    // A few blocks that have met a rare bright path say nothing of others.
+    let mut sorted = variances.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let most = sorted[(sorted.len() - 1) * 49 / 50];
+    variances.iter_mut().for_each(|v| *v = v.min(most));
+    let ideals: Vec<f64> = variances.iter().zip(&costs).map(|(v, c)| (v / c).sqrt()).collect();
+    // What a block gains by what others say of it is no matter of chance.
+    let others = scaled(&around(&ideals, size, REACH, false));
+    let product = |rate: &dyn Fn(usize) -> f64| {
+        let sum = |f: &dyn Fn(usize) -> f64| (0..costs.len()).map(f).sum::<f64>();
+        sum(&|i| variances[i] / rate(i)) * sum(&|i| costs[i] * rate(i))
+    };
+    let gain = product(&|_| 1.0) / product(&|i| others[i]);
+    // The comparison is so turned that what is no number changes nothing.
+    if !(gain > LEAST_GAIN) {
+        return vec![RATE_ONE; costs.len()];
+    }
+    scaled(&around(&ideals, size, REACH, true)).iter().map(|r| (r * f64::from(RATE_ONE)).round() as u16).collect()
+}
+
+/// Values at the scale at which their mean is 1 with none beyond the limits of rates.
+fn scaled(values: &[f64]) -> Vec<f64> {
+    let at = |scale: f64| values.iter().map(move |v| (v * scale).clamp(LEAST_RATE, MOST_RATE));
+    let mean = |scale: f64| at(scale).sum::<f64>() / values.len() as f64;
+    // By halves of the logarithm, over all scales that there can be.
+    let (mut low, mut high) = (1e-150_f64, 1e150_f64);
+    for _ in 0..60 {
+        let middle = low.sqrt() * high.sqrt();
+        if mean(middle) < 1.0 { low = middle } else { high = middle }
+    }
+    at(high).collect()
+}
+
+/// Means over blocks up to so many columns and rows away, with or without the block itself.
+fn around(values: &[f64], [columns, rows]: [usize; 2], reach: usize, with_own: bool) -> Vec<f64> {
     (0..values.len())
         .map(|i| {
             let (x, y) = (i % columns, i / columns);
             let (mut sum, mut n) = (0.0, 0.0);
-            for row in y.saturating_sub(1)..(y + 2).min(rows) {
-                for column in x.saturating_sub(1)..(x + 2).min(columns) {
-                    sum += values[row * columns + column];
-                    n += 1.0;
+            for row in y.saturating_sub(reach)..(y + reach + 1).min(rows) {
+                for column in x.saturating_sub(reach)..(x + reach + 1).min(columns) {
+                    if with_own || (column, row) != (x, y) {
+                        sum += values[row * columns + column];
+                        n += 1.0;
+                    }
                 }
             }
-            sum / n
+            if n > 0.0 { sum / n } else { values[i] }
         })
         .collect()
 }
@@ -238,20 +415,45 @@ mod tests {
     use super::*;
 
     fn look(variance: [f64; 2], cost: [f64; 2]) -> Look {
-        Look { mean: 1.0, variance, cost }
+        Look { mean: 1.0, variance, cost, gain: 0.0, choices: 1.0 }
+    }
+
+    /// Light samples are as many as is best of all, with and without splits, and one where there is nothing but chance in what they gain.
+    #[test]
+    fn light_samples_are_as_many_as_pay() {
+        for (falls, after) in [(3.2, 0.1), (3.2, 8.0), (1.0, 0.5), (0.1, 0.5)] {
+            let l = Look { gain: 0.75 * falls, ..look([4.0, after], [2.0, 3.0]) };
+            let counts = decide(&Terms::new(&[l; 9], [3, 3]), [3, 3], 16.0);
+            let product = |[k, m]: [u8; 2]| {
+                let (k, m) = (f64::from(k), f64::from(m));
+                let error = l.variance[0] - falls + falls / m + l.variance[1] / k;
+                error * (l.cost[0] + CANDIDATE_COST * (m - 1.0) + l.cost[1] * k)
+            };
+            let all = (1..=16).flat_map(|k| (1..=MOST_CANDIDATES as u8).map(move |m| [k, m]));
+            let best = all.min_by(|a, b| product(*a).total_cmp(&product(*b))).map_or(0.0, product);
+            assert!(product(counts[4]) < 1.03 * best, "{counts:?} for {falls}, {after}");
+        }
+        let chance: Vec<Look> = (0..64).map(|i| Look { gain: [2.0, -1.9][i % 2], ..look([4.0, 1.0], [2.0, 3.0]) }).collect();
+        assert!(decide(&Terms::new(&chance, [8, 8]), [8, 8], 16.0).iter().all(|counts| counts[1] == 1));
+        let mut part = chance;
+        for l in part.iter_mut().take(16) {
+            l.gain = 3.0;
+        }
+        let counts = decide(&Terms::new(&part, [8, 8]), [8, 8], 16.0);
+        assert!(counts[0][1] > 2 && counts[0][1] > counts[60][1], "{counts:?}");
     }
 
     /// The numbers against a search over all of them for the least product of error and cost.
     #[test]
     fn numbers_are_the_best_there_are() {
         for looks in [[look([0.5, 8.0], [2.0, 3.0]); 4], [look([0.5, 1.0], [2.0, 9.0]); 4], [look([1e-3, 9.0], [2.0, 3.0]); 4]] {
-            let counts = decide(&looks, [2, 2], 16.0);
+            let counts = decide(&Terms::new(&looks, [2, 2]), [2, 2], 16.0);
             let product = |k: u8| {
                 let (k, l) = (f64::from(k), looks[0]);
                 (l.variance[0] + l.variance[1] / k) * (l.cost[0] + l.cost[1] * k)
             };
             let best = (1..=16).min_by(|a, b| product(*a).total_cmp(&product(*b))).unwrap_or(0);
-            assert_eq!(counts, vec![best; 4], "{:?}", looks[0]);
+            assert_eq!(counts, vec![[best, 1]; 4], "{:?}", looks[0]);
         }
     }
 
@@ -259,16 +461,57 @@ mod tests {
     #[test]
     fn noisy_blocks_get_more() {
         let looks: Vec<Look> = (0..40).map(|i| look([0.01, if i % 10 < 3 { 4.0 } else { 0.0 }], [2.0, 3.0])).collect();
-        let counts = decide(&looks, [10, 4], 16.0);
-        assert!(counts[1] > 4 && counts[7] == 1, "{counts:?}");
+        let counts = decide(&Terms::new(&looks, [10, 4]), [10, 4], 16.0);
+        assert!(counts[1][0] > 4 && counts[7][0] == 1, "{counts:?}");
+    }
+
+    /// Where noise is, samples go, as many in the mean and within the limits; none where there is nothing to win, or nothing but chance.
+    #[test]
+    fn samples_go_where_noise_is() {
+        let size = [20, 20];
+        let rates = |variance: &dyn Fn(usize) -> f64| {
+            let looks: Vec<Look> = (0..400).map(|i| look([variance(i), 0.0], [2.0, 3.0])).collect();
+            allot(&Terms::new(&looks, size), &[[1; 2]; 400], size)
+        };
+        let of_quarter = rates(&|i| if i % 20 < 5 { 4.0 } else { 0.04 });
+        let mean = of_quarter.iter().map(|&r| f64::from(r)).sum::<f64>() / (400.0 * f64::from(RATE_ONE));
+        assert!((mean - 1.0).abs() < 0.02, "{mean}");
+        assert!(of_quarter[42] > 2 * RATE_ONE && of_quarter[55] == RATE_ONE / 2, "{of_quarter:?}");
+        let chance = |i: usize| f64::from(crate::math::hash::hash_words([i as u64]) as u32 % 1000).powi(2);
+        for even in [rates(&|_| 3.0), rates(&|_| 0.0), rates(&chance), rates(&|i| if i == 77 { 1e9 } else { 1.0 })] {
+            assert_eq!(even, [RATE_ONE; 400]);
+        }
+    }
+
+    #[test]
+    fn ranges_of_samples_join() {
+        for rate in [8, 16, 23, 128] {
+            let splits = Splits { block: 8, columns: 1, rows: 1, counts: vec![[1; 2]], rates: vec![rate] };
+            let mut at = 0;
+            for (begin, end) in [(0, 1), (1, 2), (2, 7), (7, 1000), (1000, 4096)] {
+                let range = splits.samples_of([3, 5], begin, end);
+                assert_eq!(range.start, at, "{rate}");
+                at = range.end;
+                assert!(at > 0, "each pixel has a sample");
+            }
+            assert_eq!(at, 4096 * u32::from(rate) / u32::from(RATE_ONE));
+            assert!(splits.samples_of([0, 0], u32::MAX - 5, u32::MAX).end < u32::MAX);
+        }
     }
 
     #[test]
     fn what_is_no_number_splits_nothing() {
         for bad in [f64::NAN, f64::INFINITY, 1e300, 0.0] {
-            for looks in [[Look { mean: bad, ..look([1.0; 2], [1.0; 2]) }], [look([bad; 2], [1.0; 2])], [look([bad; 2], [bad; 2])]] {
-                let counts = decide(&looks, [1, 1], 16.0);
-                assert!((1..=16).contains(&counts[0]), "{counts:?} of {bad}");
+            for looks in [
+                [Look { mean: bad, ..look([1.0; 2], [1.0; 2]) }],
+                [look([bad; 2], [1.0; 2])],
+                [look([bad; 2], [bad; 2])],
+                [Look { gain: bad, ..look([1.0; 2], [1.0; 2]) }],
+            ] {
+                let counts = decide(&Terms::new(&looks, [1, 1]), [1, 1], 16.0);
+                assert!((1..=16).contains(&counts[0][0]), "{counts:?} of {bad}");
+                assert!((1..=MOST_CANDIDATES as u8).contains(&counts[0][1]), "{counts:?} of {bad}");
+                assert_eq!(allot(&Terms::new(&looks, [1, 1]), &counts, [1, 1]), [RATE_ONE], "{bad}");
             }
         }
     }

@@ -100,6 +100,13 @@ impl Bake {
             None => SamplerKind::Sobol,
             Some(name) => SamplerKind::from_name(name).ok_or_else(|| BakeError::Setting(format!("no sampler `{name}`")))?,
         };
+        for (name, value) in [("adaptive", settings.adaptive), ("antialias", settings.antialias)] {
+            if value.is_some_and(|v| v > 0.0) {
+                let message =
+                    format!("`{name}` is for pixels: a lightmap takes as many samples in each point, and `noise` stops it by its error");
+                return Err(BakeError::Setting(message));
+            }
+        }
         let spp = settings.spp.unwrap_or(0);
         let stratified = if kind == SamplerKind::Stratified { spp } else { 0 };
         let others = RenderSettings { spp: None, ..settings.clone() };

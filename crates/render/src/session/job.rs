@@ -14,6 +14,8 @@ use crate::scene::{self, Scene, View};
 
 /// Samples per pixel where neither the user nor the file says.
 pub const DEFAULT_SPP: u32 = 64;
+/// Most samples per pixel of adaptive sampling where the user does not say.
+pub const ADAPTIVE_SPP: u32 = 1024;
 /// Threshold of antialiasing for scenes of the classic model.
 pub const CLASSIC_ANTIALIAS: f32 = 0.3;
 /// Rows and columns of samples that antialiasing adds.
@@ -50,10 +52,12 @@ pub struct Plan {
     pub height: u32,
     /// Pixels to render.
     pub crop: Rect,
-    /// Samples per pixel; with antialiasing the most of them.
+    /// Samples per pixel; with antialiasing and adaptive sampling the most of them.
     pub spp: u32,
     /// Fewer samples where the picture is flat.
     pub antialias: Option<Antialias>,
+    /// The relative error at which pixels take no more samples.
+    pub error_goal: Option<f64>,
     /// Reconstruction filter.
     pub filter: Filter,
     /// Sequence.
@@ -90,11 +94,12 @@ impl Plan {
             None if classic.is_some() => Filter::BOX,
             None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
+        let error_goal = error_goal(settings)?;
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
             (Some(name), _) => SamplerKind::from_name(name)
                 .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
-            (None, _) if classic.is_some() => SamplerKind::Stratified,
+            (None, _) if classic.is_some() && error_goal.is_none() => SamplerKind::Stratified,
             (None, _) => SamplerKind::Sobol,
         };
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
@@ -103,6 +108,8 @@ impl Plan {
         let antialias = antialias(desc, settings)?;
         let spp = match (antialias, classic) {
             (Some(antialias), _) => antialias.spp(),
+            // What the file says is meant for pixels that all take as many.
+            (None, _) if error_goal.is_some() => settings.spp.unwrap_or(ADAPTIVE_SPP),
             (None, Some(classic)) => settings.spp.or(film.spp).unwrap_or(classic.camera.samples().unwrap_or(1)),
             (None, None) => settings.spp.or(film.spp).unwrap_or(DEFAULT_SPP),
         };
@@ -113,7 +120,26 @@ impl Plan {
             .integrator
             .clone()
             .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
-        Ok(Self { width, height, crop, spp, antialias, filter, sampler, integrator })
+        Ok(Self { width, height, crop, spp, antialias, error_goal, filter, sampler, integrator })
+    }
+
+    /// Whether pixels may take fewer samples than [`Plan::spp`]; then the samples of a pixel are all rendered together.
+    pub fn is_uneven(&self) -> bool {
+        self.antialias.is_some() || self.error_goal.is_some()
+    }
+}
+
+/// The relative error at which pixels take no more samples.
+fn error_goal(settings: &RenderSettings) -> Result<Option<f64>, JobError> {
+    match settings.adaptive {
+        None | Some(0.0) => Ok(None),
+        Some(goal) if !(goal > 0.0 && goal < 10.0) => Err(JobError::Setting(format!(
+            "adaptive sampling takes a relative error, such as 0.02: or 0 for as many samples in each pixel: not {goal}"
+        ))),
+        Some(_) if settings.antialias.is_some_and(|t| t > 0.0) => {
+            Err(JobError::Setting("antialiasing and adaptive sampling exclude each other: give `antialias` or `adaptive`".into()))
+        }
+        Some(goal) => Ok(Some(f64::from(goal))),
     }
 }
 
@@ -128,13 +154,14 @@ fn antialias(desc: &SceneDesc, settings: &RenderSettings) -> Result<Option<Antia
         return Err(JobError::Setting(format!("antialiasing adds 1 to {MAX_ANTIALIAS_DEPTH} rows of samples, not {depth}")));
     }
     let classic = desc.classic.as_ref().filter(|_| classic::is_asked_for(desc, settings));
-    let default = if classic.is_some() && settings.spp.is_none() { CLASSIC_ANTIALIAS } else { 0.0 };
+    let is_counted = settings.spp.is_some() || settings.adaptive.is_some_and(|goal| goal > 0.0);
+    let default = if classic.is_some() && !is_counted { CLASSIC_ANTIALIAS } else { 0.0 };
     // A blurred pixel needs its samples even where the picture is flat.
     let has_own = classic.is_some_and(|c| c.camera.samples().is_some());
     let threshold = match settings.antialias {
         _ if has_own => 0.0,
         // One sample goes through the center, as in POV-Ray.
-        Some(t) if !(t > 0.0) && classic.is_some() && settings.spp.is_none() => f32::INFINITY,
+        Some(t) if !(t > 0.0) && classic.is_some() && !is_counted => f32::INFINITY,
         given => given.unwrap_or(default),
     };
     Ok((threshold > 0.0).then_some(Antialias { threshold, depth }))
@@ -216,6 +243,9 @@ pub fn prepare_compiled(
     if let Some(antialias) = plan.antialias {
         session.set_antialias(antialias);
     }
+    if let Some(goal) = plan.error_goal {
+        session.set_error_goal(goal);
+    }
     Ok(session)
 }
 
@@ -239,11 +269,15 @@ pub fn compile_for_photons(desc: &SceneDesc) -> Result<Scene, JobError> {
 /// [`JobError::Setting`]
 pub fn method(desc: &SceneDesc, settings: &RenderSettings, plan: &Plan) -> Result<Box<dyn Integrator>, JobError> {
     let integrator = integrator::create(settings, &desc.integrator).map_err(JobError::Setting)?;
-    if plan.antialias.is_some() && integrator.shares_camera_samples() {
-        return Err(JobError::Setting(format!("`{}` draws whole pictures and cannot smooth single pixels: give `spp`", plan.integrator)));
+    let leaves_out = if plan.antialias.is_some() { "antialias" } else { "adaptive" };
+    if plan.is_uneven() && integrator.shares_camera_samples() {
+        let message =
+            format!("draws whole pictures, so that `{leaves_out}`, which leaves samples of single pixels out, does not go with it");
+        return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
     }
-    if plan.antialias.is_some() && integrator.splats() {
-        let message = "brings light to all pixels with every sample, so that `antialias`, which leaves samples out, does not go with it";
+    if plan.is_uneven() && integrator.splats() {
+        let message =
+            format!("brings light to all pixels with every sample, so that `{leaves_out}`, which leaves samples out, does not go with it");
         return Err(JobError::Setting(format!("`{}` {message}: give `spp`", plan.integrator)));
     }
     Ok(integrator)

@@ -3,6 +3,7 @@
 //! A session hands out work as (tile, range of sample indices), fills small films and merges them into one. The pixels do
 //! not depend on how the work was split: each sample is a function of (seed, pixel, index) and film sums are exact.
 
+mod adaptive;
 mod antialias;
 mod channels;
 pub mod job;
@@ -24,6 +25,7 @@ use crate::integrator::{CameraSample, Estimate, Integrator, Stage};
 use crate::math::Vec2;
 use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
+use adaptive::{BLOCK, STEP};
 use antialias::Centers;
 
 /// Edge of a tile in pixels.
@@ -122,6 +124,7 @@ pub struct Session {
     film: Film,
     order_tiles: Option<fn(&mut Vec<Rect>)>,
     centers: Option<Centers>,
+    error_goal: Option<f64>,
     is_prepared: bool,
     /// The integrator takes the camera's rays; otherwise only the point of the picture.
     needs_camera: bool,
@@ -160,6 +163,7 @@ impl Session {
             film,
             order_tiles: None,
             centers: None,
+            error_goal: None,
             is_prepared: false,
             needs_camera,
             needs_lens,
@@ -171,6 +175,12 @@ impl Session {
     pub fn set_antialias(&mut self, antialias: Antialias) {
         let spec = self.film.spec();
         self.centers = Some(Centers::new(antialias, spec.space, self.film.rect(), spec.width, spec.height));
+    }
+
+    /// Sets the relative error at which pixels take no more samples. The first sample must be that of index 0, parts of a picture must begin
+    /// on the grid of blocks, and the film must keep its error estimate.
+    pub fn set_error_goal(&mut self, goal: f64) {
+        self.error_goal = Some(goal);
     }
 
     /// Estimates no error, for sessions of which nothing but the picture is wanted; see [`Film::drop_squares`].
@@ -192,9 +202,13 @@ impl Session {
     /// prepared. The parts' films merge exactly.
     ///
     /// # Errors
-    /// [`FilmError::Outside`] where the pixels are not within the crop.
+    /// [`FilmError::Outside`] where the pixels are not within the crop, [`FilmError::Spec`] where they cut blocks of adaptive sampling.
     pub fn set_part(&mut self, rect: Rect, first_sample: u32) -> Result<(), FilmError> {
         let spec = self.film.spec().clone();
+        if self.error_goal.is_some() && !adaptive::is_on_grid(rect, spec.crop) {
+            let message = format!("with an error as the goal parts begin and end on the grid of {BLOCK} × {BLOCK} pixels: not {rect}");
+            return Err(FilmError::Spec(message));
+        }
         let mut film = Film::tile(&spec, rect)?;
         if !self.film.has_squares() {
             film.drop_squares();
@@ -276,6 +290,11 @@ impl Session {
             self.is_prepared = !cancel.is_cancelled();
         }
         let first = self.first_sample;
+        if self.error_goal.is_some() && first > 0 {
+            let message =
+                format!("with adaptive sampling a pixel takes its samples from the first one on: none can begin with index {first}");
+            return Err(SessionError::Integrator(message));
+        }
         let end = stop.spp.map_or(u32::MAX, |n| first.saturating_add(n));
         let mut tiles = tiles(self.film.rect());
         if let Some(order) = self.order_tiles {
@@ -289,7 +308,10 @@ impl Session {
             // Few pixels take more than one sample where edges alone are smoothed.
             let limit = self.integrator.pass_limit().clamp(1, PASS_LIMIT);
             let most = if self.centers.is_some() && begin > 0 { limit } else { done.clamp(1, limit) };
-            let pass_end = begin.saturating_add(most).min(end);
+            let mut pass_end = begin.saturating_add(most).min(end);
+            if self.error_goal.is_some() {
+                pass_end = pass_end.min((begin / STEP + 1).saturating_mul(STEP));
+            }
             if cancel.is_cancelled() {
                 reason = Reason::Cancelled;
                 break;
@@ -307,7 +329,8 @@ impl Session {
             status.relative_error = relative_error;
             observer.status(&status);
             observer.pass(&self.film, &status);
-            if stop.noise.zip(relative_error).is_some_and(|(goal, error)| error <= goal) {
+            let is_settled = |goal| adaptive::open_blocks(&self.film, self.film.rect(), begin, goal).next().is_none();
+            if stop.noise.zip(relative_error).is_some_and(|(goal, error)| error <= goal) || self.error_goal.is_some_and(is_settled) {
                 reason = Reason::Noise;
                 break;
             }
@@ -355,12 +378,15 @@ impl Session {
             let lock = || film.lock().unwrap_or_else(PoisonError::into_inner);
             let missing = missing(&lock().0, rect, begin, end);
             for (a, b) in missing {
+                let open = this.error_goal.map(|goal| adaptive::open_blocks(&lock().0, rect, a, goal).collect::<Vec<_>>());
                 let fits = kept.as_mut().is_some_and(|tile| tile.empty_for(rect));
                 if !fits {
                     kept = lock().0.new_tile(rect).ok();
                 }
                 let Some(tile) = &mut kept else { return };
-                this.render_tile(tile, rect, a, b);
+                for &part in open.as_deref().unwrap_or(&[rect]) {
+                    this.render_tile(tile, part, a, b);
+                }
                 let mut guard = lock();
                 let (film, _, result) = &mut *guard;
                 if let Err(e) = tile.mark_held(rect, a, b).and_then(|()| film.merge(tile)) {
@@ -394,7 +420,7 @@ impl Session {
         let mut values = Vec::new();
         for y in rect.y0..rect.y1 {
             for x in rect.x0..rect.x1 {
-                for index in begin..end {
+                for index in self.integrator.samples_of([x, y], begin, end) {
                     let (weight, stream) = self.sample(x, y, self.sampler.stream(x, y, index), &mut estimate);
                     self.splat(&estimate, stream, tile);
                     self.add(tile, x, y, index, weight, space, &estimate, &mut values);
@@ -518,14 +544,16 @@ fn missing(film: &Film, rect: Rect, begin: u32, end: u32) -> Vec<(u32, u32)> {
     gaps
 }
 
+/// A rectangle cut into squares from its first corner on, row by row.
+fn tiles_of(rect: Rect, edge: u32) -> impl Iterator<Item = Rect> {
+    let starts = move |a: u32, b: u32| (a..b).step_by(edge as usize);
+    let tile = move |x: u32, y: u32| Rect::new(x, y, (x + edge).min(rect.x1), (y + edge).min(rect.y1));
+    starts(rect.y0, rect.y1).flat_map(move |y| starts(rect.x0, rect.x1).map(move |x| tile(x, y)))
+}
+
 /// Tiles of a rectangle, from the middle outwards: what one looks at comes first.
 fn tiles(rect: Rect) -> Vec<Rect> {
-    let mut tiles = Vec::new();
-    for y in (rect.y0..rect.y1).step_by(TILE as usize) {
-        for x in (rect.x0..rect.x1).step_by(TILE as usize) {
-            tiles.push(Rect::new(x, y, (x + TILE).min(rect.x1), (y + TILE).min(rect.y1)));
-        }
-    }
+    let mut tiles: Vec<Rect> = tiles_of(rect, TILE).collect();
     let (cx, cy) = (i64::from(rect.x0 + rect.x1), i64::from(rect.y0 + rect.y1));
     tiles.sort_by_key(|t| {
         let (dx, dy) = (i64::from(t.x0 + t.x1) - cx, i64::from(t.y0 + t.y1) - cy);

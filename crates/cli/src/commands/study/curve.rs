@@ -96,10 +96,10 @@ impl Bench<'_> {
         let recorder = Recorder::new(reference);
         self.pool.install(|| session.render(stop, &Cancel::default(), &recorder)).map_err(|e| e.to_string())?;
         let film = session.film();
-        recorder.record(film, film.max_sample_count());
+        recorder.record(film, film.declared_spp());
         let image = film.develop();
         let last = reference.map(|r| compare(&image, r, true)).transpose().map_err(|e| e.to_string())?;
-        let spp = film.max_sample_count();
+        let spp = film.declared_spp();
         let relative_error = Some(film.relative_error()).filter(|e| e.is_finite() && spp >= 16);
         Ok(Curve { method: method.to_owned(), points: recorder.points(), image, spp, relative_error, last, notes: session.notes() })
     }
