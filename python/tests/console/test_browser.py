@@ -112,6 +112,15 @@ def wait_for_state(page, *states: str) -> None:
     until(page, "states => states.includes(document.body.dataset.state)", list(states))
 
 
+def finish(page, farm: Farm, job: int) -> None:
+    """Wait until a job is done: a few seconds; much longer only where the machine has a lot else to do."""
+    root = actor(farm, "root")
+    end = time.monotonic() + 240
+    while farm.jobs.get(root, job).state != "done":
+        assert time.monotonic() < end, farm.jobs.get(root, job)
+        page.wait_for_timeout(100)
+
+
 def go_by_keys(page, key: str, selector: str) -> None:
     """Go to a page by `g` and a key; again where a busy machine took more than 1.5 s between both."""
     for _ in range(10):
@@ -315,8 +324,43 @@ def test_bakes_studies_and_photon_maps_from_the_page(site: str, watched: Watched
     assert not watched.faults
 
 
+CUT_OFF = """{
+    const real = window.fetch;
+    let isFirst = true;
+    window.fetch = async (url, options) => {
+        const response = await real(url, options);
+        if (isFirst && String(url).includes('/layers/') && response.status === 200) {
+            isFirst = false;
+            window.isCutOff = false;
+            const { signal } = options;
+            response.arrayBuffer = () => new Promise((_, reject) => signal.addEventListener('abort', () => {
+                window.isCutOff = true;
+                reject(signal.reason);
+            }));
+        }
+        return response;
+    };
+}"""
+
+
+def test_a_picture_cut_off_half_way_is_asked_for_again(site: str, watched: Watched, farm: Farm) -> None:
+    ada = actor(farm, "ada")
+    package = farm.upload(ada, packed(room_xml=ROOM), "room.zip")
+    job = farm.jobs.submit(ada, {"package": package.id, "settings": {"spp": 4, "width": 48}})
+    page = watched.page
+    page.goto(f"{site}/enter?key=the-key")
+    finish(page, farm, job.id)
+    page.add_init_script(CUT_OFF)
+    page.goto(f"{site}/jobs/{job.id}")
+    until(page, "window.isCutOff === false")
+    # News of the job has the page ask again while its first answer is still on the way.
+    farm.jobs.set_priority(ada, job.id, 7)
+    until(page, "window.isCutOff === true")
+    page.wait_for_selector("#stage[data-version]")
+
+
 def test_every_page_in_both_themes_is_accessible(site: str, watched: Watched, farm: Farm, runner: Runner) -> None:
-    root, ada = actor(farm, "root"), actor(farm, "ada")
+    ada = actor(farm, "ada")
     package = farm.upload(ada, packed(room_xml=ROOM), "room.zip")
     for number in range(3):
         order = {"package": package.id, "name": f"shot {number:02}", "settings": {"spp": 4, "width": 48}, "priority": number}
@@ -326,11 +370,7 @@ def test_every_page_in_both_themes_is_accessible(site: str, watched: Watched, fa
     page = watched.page
     page.goto(f"{site}/enter?key=the-key")
     page.wait_for_selector("#jobs tbody tr")
-    # A few seconds; much longer only where the machine has a lot else to do.
-    end = time.monotonic() + 240
-    while farm.jobs.get(root, film.id).state != "done":
-        assert time.monotonic() < end, farm.jobs.get(root, film.id)
-        page.wait_for_timeout(100)
+    finish(page, farm, film.id)
     paths = {"jobs": "/", "job": f"/jobs/{film.id}", "submit": f"/submit?package={package.id}", "nodes": "/nodes", "cost": "/cost"}
     paths |= {"log": "/log", "account": "/account", "users": "/users"}
     for theme in ("light", "dark"):

@@ -84,19 +84,22 @@ export async function jobPage(main, app, id) {
   async function load() {
     asking?.abort();
     asking = new AbortController();
+    const { signal } = asking;
     try {
       const response = await request("GET", `/jobs/${id}/frames/${frame}/layers/${encodeURIComponent(layer)}`, {
         query: { size: isFull ? 4096 : 1600 },
         headers: etag ? { "If-None-Match": etag } : {},
-        signal: asking.signal,
+        signal,
       });
       if (response.status === 304) return;
       if (response.status === 204) {
         empty.hidden = Boolean(picture.frame) && picture.frame.frame === frame;
         return;
       }
-      etag = response.headers.get("ETag");
       const next = decode(await response.arrayBuffer());
+      if (signal.aborted) return;
+      // Only now: a picture cut off half way is not here, and "not changed" would leave it out for good.
+      etag = response.headers.get("ETag");
       const now = picture.frame;
       if (now && now.frame === next.frame && now.layer === next.layer && now.width === next.width && now.version !== next.version) before = now;
       if (now && now.frame !== next.frame) before = null;
