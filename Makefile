@@ -39,12 +39,18 @@ help:
 	echo "make lint     the linters alone"
 	echo "make fmt      format all sources"
 	echo "make build    the command: target/release/etendue"
+	echo "make optimized  the same, profile-guided: target/optimized/etendue (needs llvm-profdata)"
 	echo "make develop  the Python package in $(VENV), from the sources"
 	echo "make wheel    a wheel of the Python package in target/wheels"
 	echo "make clean    remove everything that was built"
 
 build:
 	$(CARGO) build --release --locked -p etendue-cli
+
+# The same command, laid out and inlined by what it does on the repository's own scenes.
+.PHONY: optimized
+optimized:
+	@$(PYTHON) scripts/build_optimized.py
 
 run: build
 	@mkdir -p "$(dir $(PICTURE))"
