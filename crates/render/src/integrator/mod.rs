@@ -6,6 +6,7 @@
 //! [`Integrator::begin_pass`], for a range of sample indices. Both are functions of the scene, the settings and the seed (and the
 //! range) alone: never of threads, time or what other passes found. So parts of a picture may be made anywhere and merged.
 
+mod allotment;
 mod ao;
 mod auto;
 mod bdpt;

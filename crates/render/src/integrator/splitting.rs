@@ -2,7 +2,7 @@
 //!
 //! A camera ray and the direct light at what it meets often cost as much as all that follows, and have little noise; then several paths
 //! that go on from there are worth more than several camera rays. How many is a question of errors and costs (Arvo and Kirk 1990,
-//! doi:10.1145/97880.97886; Bolin and Meyer 1997, doi:10.1145/258734.258865). With variances V and costs C before and after the split,
+//! doi:10.1145/97879.97886; Bolin and Meyer 1997, doi:10.1145/258734.258865). With variances V and costs C before and after the split,
 //! and n camera rays for each pixel, the error Σ (V₀ + V₁ / k) / n at a cost of Σ n (C₀ + k C₁) is least for
 //!
 //! ```text
@@ -17,9 +17,7 @@
 //! split a part B falls as B / M with their number M, and each costs c. The pilot finds B as the difference of two estimates by the same
 //! paths, of one light sample and of one of four. Where the picture as a whole shows no such difference, there is no choice.
 //!
-//! Then camera rays themselves: with variance V and cost C of all that a camera ray brings, n in proportion to √(V / C) finds most, and
-//! a sample of the picture stands for more samples of noisy pixels and for less than one of others ([`Splits::samples_of`]).
-//! Unlike sampling that looks at what it has found so far (`session::adaptive`) this has no bias.
+//! Then camera rays themselves are shared out among the pixels by what they cost and find with these numbers (`allotment`).
 //!
 //! Later vertices do not split. Tried, by statistics of what paths find from cells of the scene on (after Rath et al. 2022, "EARS",
 //! doi:10.1145/3528223.3530168): 0.81 of the efficiency in a kitchen, 0.94 to 1.05 in five other scenes.
@@ -28,6 +26,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use super::allotment::{Rates, around};
 use super::guiding::Lesson;
 use super::resampling::MOST_CANDIDATES;
 use super::{Estimate, Path, Stage, Vertex};
@@ -45,15 +44,6 @@ const MOST_BLOCKS: u64 = 16384;
 const HALF: u32 = 8;
 /// Paths into which each of them splits.
 const CHILDREN: u32 = 2;
-/// A rate of one sample for each of the picture.
-const RATE_ONE: u16 = 16;
-/// Limits of rates: edges of things that the pilot has not seen are smooth with half of the samples as well.
-const LEAST_RATE: f64 = 0.5;
-const MOST_RATE: f64 = 8.0;
-/// Blocks in each direction that a rate comes from.
-const REACH: usize = 2;
-/// The least gain in efficiency for which pixels take different numbers of samples.
-const LEAST_GAIN: f64 = 1.05;
 /// Light samples of which it chooses one, to compare what that is worth with one light sample.
 const COMPARED: u32 = 4;
 /// What one light sample without its shadow ray costs, in edges: 0.3 to 0.6 on the scenes of `bench/efficiency.py`.
@@ -149,8 +139,7 @@ pub(super) struct Splits {
     rows: u32,
     /// Paths that go on, and light samples of which one is chosen.
     counts: Vec<[u8; 2]>,
-    /// Samples of a pixel for each of the picture, in [`RATE_ONE`]-ths.
-    rates: Vec<u16>,
+    rates: Rates,
 }
 
 /// What the pilot knows of a block: a mean, variances of a sample and costs in edges; before and after the split.
@@ -187,7 +176,7 @@ impl Splits {
         let size = [columns as usize, rows as usize];
         let terms = Terms::new(&looks, size);
         let counts = decide(&terms, size, f64::from(most.clamp(1, 255)));
-        let rates = if path.allots { allot(&terms, &counts, size) } else { vec![RATE_ONE; counts.len()] };
+        let rates = if path.allots { Rates::allot(&terms.of_samples(&counts), size) } else { Rates::even(counts.len()) };
         Self { block, columns, rows, counts, rates }
     }
 
@@ -205,15 +194,12 @@ impl Splits {
 
     /// The samples of a pixel that samples of the picture stand for; see [`super::Integrator::samples_of`].
     pub fn samples_of(&self, pixel: [u32; 2], begin: u32, end: u32) -> Range<u32> {
-        let rate = u64::from(self.rates[self.block_of(pixel)]);
-        let at = |index: u32| (u64::from(index) * rate).div_ceil(u64::from(RATE_ONE)).min(u64::from(u32::MAX - 1)) as u32;
-        at(begin)..at(end)
+        self.rates.samples_of(self.block_of(pixel), begin, end)
     }
 
     /// Smallest and greatest number of samples for each of the picture.
     pub fn rates(&self) -> [f64; 2] {
-        let all = || self.rates.iter().map(|&rate| f64::from(rate) / f64::from(RATE_ONE));
-        [all().fold(f64::INFINITY, f64::min), all().fold(0.0, f64::max)]
+        self.rates.limits()
     }
 
     /// Smallest, mean and greatest number of paths.
@@ -304,6 +290,11 @@ impl Terms {
         let sum = |[error, cost]: [f64; 2], (share, k): ([f64; 2], f64)| [error + share[0] / k, cost + share[1] * k];
         self.shares[i].into_iter().zip(counts).fold(self.fixed[i], sum)
     }
+
+    /// Error and cost of a sample of each block.
+    fn of_samples(&self, counts: &[[u8; 2]]) -> Vec<[f64; 2]> {
+        counts.iter().enumerate().map(|(i, counts)| self.of(i, counts.map(f64::from))).collect()
+    }
 }
 
 /// The numbers of paths and of light samples that are best for what the pilot has seen.
@@ -348,66 +339,6 @@ fn resampled_variances(gains: &[f64], variances: &[f64], size: [usize; 2]) -> Ve
     let all = f64::from(COMPARED) / f64::from(COMPARED - 1);
     let means = |of: &[f64]| around(of, size, 1, true);
     means(gains).iter().zip(means(variances)).map(|(g, v)| (all * g).min(MOST_SHARE * v).max(0.0)).collect()
-}
-
-/// How many samples pixels take for each of the picture, in [`RATE_ONE`]-ths; none more than others unless that is worth it.
-fn allot(terms: &Terms, counts: &[[u8; 2]], size: [usize; 2]) -> Vec<u16> {
-    let (mut variances, costs): (Vec<f64>, Vec<f64>) = (counts.iter().enumerate())
-        .map(|(i, counts)| {
-            let [variance, cost] = terms.of(i, counts.map(f64::from));
-            (if variance.is_finite() { variance.max(0.0) } else { 0.0 }, cost.max(1.0))
-        })
-        .unzip();
-    // A few blocks that have met a rare bright path say nothing of others.
-    let mut sorted = variances.clone();
-    sorted.sort_unstable_by(f64::total_cmp);
-    let most = sorted[(sorted.len() - 1) * 49 / 50];
-    variances.iter_mut().for_each(|v| *v = v.min(most));
-    let ideals: Vec<f64> = variances.iter().zip(&costs).map(|(v, c)| (v / c).sqrt()).collect();
-    // What a block gains by what others say of it is no matter of chance.
-    let others = scaled(&around(&ideals, size, REACH, false));
-    let product = |rate: &dyn Fn(usize) -> f64| {
-        let sum = |f: &dyn Fn(usize) -> f64| (0..costs.len()).map(f).sum::<f64>();
-        sum(&|i| variances[i] / rate(i)) * sum(&|i| costs[i] * rate(i))
-    };
-    let gain = product(&|_| 1.0) / product(&|i| others[i]);
-    // The comparison is so turned that what is no number changes nothing.
-    if !(gain > LEAST_GAIN) {
-        return vec![RATE_ONE; costs.len()];
-    }
-    scaled(&around(&ideals, size, REACH, true)).iter().map(|r| (r * f64::from(RATE_ONE)).round() as u16).collect()
-}
-
-/// Values at the scale at which their mean is 1 with none beyond the limits of rates.
-fn scaled(values: &[f64]) -> Vec<f64> {
-    let at = |scale: f64| values.iter().map(move |v| (v * scale).clamp(LEAST_RATE, MOST_RATE));
-    let mean = |scale: f64| at(scale).sum::<f64>() / values.len() as f64;
-    // By halves of the logarithm, over all scales that there can be.
-    let (mut low, mut high) = (1e-150_f64, 1e150_f64);
-    for _ in 0..60 {
-        let middle = low.sqrt() * high.sqrt();
-        if mean(middle) < 1.0 { low = middle } else { high = middle }
-    }
-    at(high).collect()
-}
-
-/// Means over blocks up to so many columns and rows away, with or without the block itself.
-fn around(values: &[f64], [columns, rows]: [usize; 2], reach: usize, with_own: bool) -> Vec<f64> {
-    (0..values.len())
-        .map(|i| {
-            let (x, y) = (i % columns, i / columns);
-            let (mut sum, mut n) = (0.0, 0.0);
-            for row in y.saturating_sub(reach)..(y + reach + 1).min(rows) {
-                for column in x.saturating_sub(reach)..(x + reach + 1).min(columns) {
-                    if with_own || (column, row) != (x, y) {
-                        sum += values[row * columns + column];
-                        n += 1.0;
-                    }
-                }
-            }
-            if n > 0.0 { sum / n } else { values[i] }
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -465,40 +396,6 @@ mod tests {
         assert!(counts[1][0] > 4 && counts[7][0] == 1, "{counts:?}");
     }
 
-    /// Where noise is, samples go, as many in the mean and within the limits; none where there is nothing to win, or nothing but chance.
-    #[test]
-    fn samples_go_where_noise_is() {
-        let size = [20, 20];
-        let rates = |variance: &dyn Fn(usize) -> f64| {
-            let looks: Vec<Look> = (0..400).map(|i| look([variance(i), 0.0], [2.0, 3.0])).collect();
-            allot(&Terms::new(&looks, size), &[[1; 2]; 400], size)
-        };
-        let of_quarter = rates(&|i| if i % 20 < 5 { 4.0 } else { 0.04 });
-        let mean = of_quarter.iter().map(|&r| f64::from(r)).sum::<f64>() / (400.0 * f64::from(RATE_ONE));
-        assert!((mean - 1.0).abs() < 0.02, "{mean}");
-        assert!(of_quarter[42] > 2 * RATE_ONE && of_quarter[55] == RATE_ONE / 2, "{of_quarter:?}");
-        let chance = |i: usize| f64::from(crate::math::hash::hash_words([i as u64]) as u32 % 1000).powi(2);
-        for even in [rates(&|_| 3.0), rates(&|_| 0.0), rates(&chance), rates(&|i| if i == 77 { 1e9 } else { 1.0 })] {
-            assert_eq!(even, [RATE_ONE; 400]);
-        }
-    }
-
-    #[test]
-    fn ranges_of_samples_join() {
-        for rate in [8, 16, 23, 128] {
-            let splits = Splits { block: 8, columns: 1, rows: 1, counts: vec![[1; 2]], rates: vec![rate] };
-            let mut at = 0;
-            for (begin, end) in [(0, 1), (1, 2), (2, 7), (7, 1000), (1000, 4096)] {
-                let range = splits.samples_of([3, 5], begin, end);
-                assert_eq!(range.start, at, "{rate}");
-                at = range.end;
-                assert!(at > 0, "each pixel has a sample");
-            }
-            assert_eq!(at, 4096 * u32::from(rate) / u32::from(RATE_ONE));
-            assert!(splits.samples_of([0, 0], u32::MAX - 5, u32::MAX).end < u32::MAX);
-        }
-    }
-
     #[test]
     fn what_is_no_number_splits_nothing() {
         for bad in [f64::NAN, f64::INFINITY, 1e300, 0.0] {
@@ -511,7 +408,8 @@ mod tests {
                 let counts = decide(&Terms::new(&looks, [1, 1]), [1, 1], 16.0);
                 assert!((1..=16).contains(&counts[0][0]), "{counts:?} of {bad}");
                 assert!((1..=MOST_CANDIDATES as u8).contains(&counts[0][1]), "{counts:?} of {bad}");
-                assert_eq!(allot(&Terms::new(&looks, [1, 1]), &counts, [1, 1]), [RATE_ONE], "{bad}");
+                let terms = Terms::new(&looks, [1, 1]);
+                assert_eq!(Rates::allot(&terms.of_samples(&counts), [1, 1]), Rates::even(1), "{bad}");
             }
         }
     }
