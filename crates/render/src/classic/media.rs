@@ -38,21 +38,32 @@ impl Place {
     }
 }
 
-/// The media around a ray: none inside of anything solid.
-fn around<'w>(world: &'w ClassicWorld, inside: &'w Stack) -> Vec<&'w Media> {
-    if !inside.iter().all(|w| w.hollow) {
-        return Vec::new();
+/// What is around a part of a ray.
+struct Around<'w> {
+    /// What the ray is inside of.
+    inside: &'w Stack,
+    /// None inside of anything solid.
+    media: Vec<&'w Media>,
+    /// Those that shine on the part.
+    lamps: Vec<&'w Lamp>,
+}
+
+impl<'w> Around<'w> {
+    fn new(world: &'w ClassicWorld, inside: &'w Stack) -> Self {
+        let own = inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media);
+        let all = own.chain(&world.scene.atmosphere);
+        let media = if inside.iter().all(|w| w.hollow) { all.collect() } else { Vec::new() };
+        Self { inside, media, lamps: Vec::new() }
     }
-    let own = inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media);
-    own.chain(&world.scene.atmosphere).collect()
 }
 
 impl Tracer<'_, '_> {
     /// Light that has come along a part of a ray through the media that the ray is inside of.
     pub(super) fn through_media(&mut self, color: DVec3, line: &Line, t: f64, inside: &Stack, group: u32) -> DVec3 {
         let world = self.world;
-        let media = around(world, inside);
-        let Some(first) = media.first() else { return color };
+        let mut around = Around::new(world, inside);
+        let media = &around.media;
+        let Some(&first) = media.first() else { return color };
         let t = t.min(atmosphere::FAR);
         let scatters = media.iter().any(|m| m.scattering.is_some());
         let mut cuts = vec![0.0, t];
@@ -63,7 +74,6 @@ impl Tracer<'_, '_> {
         let pieces = f64::from(intervals.div_ceil(cuts.len() as u32 - 1).max(1));
         let samples = media.iter().map(|m| m.samples[0]).max().unwrap_or(1);
         let (mut added, mut passing) = (DVec3::ZERO, DVec3::ONE);
-        let mut lamps: Vec<&Lamp> = Vec::new();
         for cut in cuts.windows(2) {
             let step = (cut[1] - cut[0]) / pieces;
             if !(step > 0.0) {
@@ -71,9 +81,9 @@ impl Tracer<'_, '_> {
             }
             // Cones end at cuts, so that a light shines on all of a part or on nothing of it.
             let middle = line.at(0.5 * (cut[0] + cut[1]));
-            lamps.clear();
+            around.lamps.clear();
             if scatters {
-                lamps.extend(
+                around.lamps.extend(
                     world
                         .media_lamps(group)
                         .filter(|l| l.light.kind == LightKind::Point || l.color(l.light.location, middle) != DVec3::ZERO),
@@ -81,7 +91,7 @@ impl Tracer<'_, '_> {
             }
             for k in 0..pieces as u32 {
                 let from = cut[0] + f64::from(k) * step;
-                self.interval(line, from, step, &media, first, samples, &lamps, &mut added, &mut passing);
+                self.interval(line, [from, step], &around, first, samples, &mut added, &mut passing);
                 if peak(passing) < 1e-6 {
                     return added;
                 }
@@ -94,12 +104,10 @@ impl Tracer<'_, '_> {
     fn interval(
         &mut self,
         line: &Line,
-        from: f64,
-        length: f64,
-        media: &[&Media],
+        [from, length]: [f64; 2],
+        around: &Around<'_>,
         rule: &Media,
         samples: u32,
-        lamps: &[&Lamp],
         added: &mut DVec3,
         passing: &mut DVec3,
     ) {
@@ -109,10 +117,10 @@ impl Tracer<'_, '_> {
             let shift = if rule.jitter != 0.0 { rule.jitter * (f64::from(self.stream.next_1d()) - 0.5) } else { 0.0 };
             let at = |j: u32| from + (f64::from(j) + shift).max(0.0) * spacing;
             let step = length / f64::from(n);
-            let mut a = self.place(line.at(at(0)), line.d, media, lamps);
+            let mut a = self.place(line.at(at(0)), line.d, around);
             for j in 0..n {
-                let b = self.place(line.at(at(j + 1)), line.d, media, lamps);
-                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], media, rule, 1, lamps);
+                let b = self.place(line.at(at(j + 1)), line.d, around);
+                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], around, rule, 1);
                 *added += *passing * piece.given * step;
                 *passing *= exponential(piece.taken * -step);
                 a = b;
@@ -126,7 +134,7 @@ impl Tracer<'_, '_> {
                     _ if rule.jitter != 0.0 => 0.5 + rule.jitter * (f64::from(self.stream.next_1d()) - 0.5),
                     _ => 0.5,
                 };
-                let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, media, lamps);
+                let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, around);
                 *added += *passing * place.given * step;
                 *passing *= exponential(place.taken * -step);
             }
@@ -134,24 +142,23 @@ impl Tracer<'_, '_> {
     }
 
     /// The mean of a piece: of its ends and its middle, or of its halves where those differ.
-    #[expect(clippy::too_many_arguments, reason = "private; recursion over one place")]
-    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], media: &[&Media], rule: &Media, level: u32, lamps: &[&Lamp]) -> Place {
+    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], around: &Around<'_>, rule: &Media, level: u32) -> Place {
         let middle = 0.5 * (t[0] + t[1]);
-        let place = self.place(line.at(middle), line.d, media, lamps);
+        let place = self.place(line.at(middle), line.d, around);
         let differ = |a: &Place| peak((a.varying - place.varying).abs()) > rule.aa_threshold;
         if level >= rule.aa_level || !(differ(&ends[0]) || differ(&ends[1])) {
             return Place::mean(ends[0], place, ends[1]);
         }
-        let a = self.refine(line, [t[0], middle], [ends[0], place], media, rule, level + 1, lamps);
-        let b = self.refine(line, [middle, t[1]], [place, ends[1]], media, rule, level + 1, lamps);
+        let a = self.refine(line, [t[0], middle], [ends[0], place], around, rule, level + 1);
+        let b = self.refine(line, [middle, t[1]], [place, ends[1]], around, rule, level + 1);
         Place::half(a, b)
     }
 
-    fn place(&mut self, p: DVec3, d: DVec3, media: &[&Media], lamps: &[&Lamp]) -> Place {
+    fn place(&mut self, p: DVec3, d: DVec3, around: &Around<'_>) -> Place {
         let world = self.world;
         let mut out = Place::default();
         let mut light = None;
-        for m in media {
+        for &m in &around.media {
             let density = world.density(m, p);
             out.given += m.emission * density;
             out.taken += m.absorption * density;
@@ -164,7 +171,7 @@ impl Tracer<'_, '_> {
                 continue;
             }
             if light.is_none() {
-                light = Some(self.lamps_at(p, lamps));
+                light = Some(self.lamps_at(p, around));
             }
             let mut scattered = DVec3::ZERO;
             for (towards, color) in light.iter().flatten() {
@@ -177,11 +184,11 @@ impl Tracer<'_, '_> {
     }
 
     /// Directions and colors at a point of those of some lamps that light it.
-    fn lamps_at(&mut self, p: DVec3, lamps: &[&Lamp]) -> Vec<(DVec3, DVec3)> {
+    fn lamps_at(&mut self, p: DVec3, around: &Around<'_>) -> Vec<(DVec3, DVec3)> {
         let mut lights = Vec::new();
-        for &lamp in lamps {
+        for &lamp in &around.lamps {
             let towards = lamp.towards(p);
-            let color = self.lamp_color(lamp, p, towards);
+            let color = self.lamp_color(lamp, p, towards, around.inside);
             if color != DVec3::ZERO {
                 lights.push((towards.0, color));
             }

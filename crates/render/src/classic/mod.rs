@@ -142,7 +142,7 @@ impl ClassicWorld {
     /// What a point is inside of.
     fn around(&self, p: DVec3) -> Stack {
         let mut inside = Stack::new();
-        self.world.containing(p, &mut |object| inside.push(Within::new(object)));
+        self.world.containing(p, &mut |object, whole| inside.push(Within::new(object, whole, None)));
         inside
     }
 
@@ -195,11 +195,7 @@ impl ClassicWorld {
 
 impl Inside for ClassicWorld {
     fn inside(&self, object: ObjectId, p: DVec3) -> bool {
-        let mut found = false;
-        if let Some(world) = self.pattern_objects.get(object as usize) {
-            world.containing(p, &mut |_| found = true);
-        }
-        found
+        self.pattern_objects.get(object as usize).is_some_and(|world| world.inside(p))
     }
 }
 

@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use super::finish::reflectance;
 use super::light::Lamp;
-use super::refract::{Stack, Within, attenuation, band_color, beyond, refracted};
+use super::refract::{Stack, band_color, beyond, inner_attenuation, refracted};
 use super::trace::{DEPTH_LIMIT, NEAR};
 use super::{ClassicWorld, peak};
 use crate::photon::tree::{MAX_NEIGHBORS, Neighbors};
@@ -205,13 +205,10 @@ impl ClassicWorld {
             if going.level == 0 && !aim.target.leaves.contains(&hit.leaf) {
                 continue;
             }
-            let mut color = going.color;
-            if let Some(Within { interior: Some(interior), .. }) = going.inside.last() {
-                color *= attenuation(interior, hit.t);
-            }
+            let color = going.color * inner_attenuation(&going.inside, hit.object, hit.t);
             let photons = &hit.object.photons;
             if photons.pass_through {
-                let inside = beyond(&going.inside, hit.object, None, going.band).0;
+                let inside = beyond(&going.inside, &hit, None, going.band).0;
                 let line = Line { o: hit.p, d: going.line.d };
                 pending.push(Going { line, color, way, inside, ..going });
                 continue;
@@ -254,7 +251,7 @@ impl ClassicWorld {
                 } else {
                     (going.band, DVec3::ONE)
                 };
-                let (inside, ratio) = beyond(&going.inside, hit.object, met.old, band);
+                let (inside, ratio) = beyond(&going.inside, &hit, met.old, band);
                 let through = if ratio == 1.0 { Some(d) } else { refracted(d, met.normal, ratio) };
                 pending.push(match through {
                     Some(d) => next(d, color * met.passing * tint, inside, band),
@@ -286,7 +283,7 @@ impl ClassicWorld {
                     }
                     met.old = met.old.or(finish.old_interior.ior);
                     met.scatters |= finish.diffuse != 0.0;
-                    let ior = if finish.reflection.fresnel { beyond(&going.inside, hit.object, met.old, going.band).1 } else { 1.0 };
+                    let ior = if finish.reflection.fresnel { beyond(&going.inside, hit, met.old, going.band).1 } else { 1.0 };
                     let mirror = reflectance(&finish.reflection, (-bent.dot(d)).clamp(0.0, 1.0), ior, pigment.rgb);
                     met.mirror += passing * mirror;
                     passing *= pigment.passing();

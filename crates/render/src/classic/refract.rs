@@ -6,22 +6,38 @@ use etendue_procedural::fns;
 use etendue_scene::desc::classic::{Interior, Object};
 use glam::DVec3;
 
-/// Tells objects apart: parts of a combination with one interior are one (measured), and leaves of the world do not move.
-pub(super) fn identity(object: &Object) -> usize {
-    object.interior.as_ref().map_or(std::ptr::from_ref(object) as usize, |i| Arc::as_ptr(i) as usize)
+use crate::solid::SolidHit;
+
+/// Tells objects apart: parts of a combination with one interior are one, and so are those without any (measured).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Identity {
+    /// By the interior's address.
+    Interior(usize),
+    /// By the number of the top-level object.
+    Whole(u32),
+}
+
+pub(super) fn identity(object: &Object, whole: u32) -> Identity {
+    object.interior.as_ref().map_or(Identity::Whole(whole), |i| Identity::Interior(Arc::as_ptr(i) as usize))
 }
 
 /// An object that a ray is inside of.
 #[derive(Clone)]
 pub(super) struct Within {
-    pub(super) identity: usize,
+    pub(super) identity: Identity,
     pub(super) interior: Option<Arc<Interior>>,
+    /// The index of refraction of a finish, for an object without interior.
+    old_ior: Option<f64>,
     pub(super) hollow: bool,
 }
 
 impl Within {
-    pub(super) fn new(object: &Object) -> Self {
-        Self { identity: identity(object), interior: object.interior.clone(), hollow: object.hollow }
+    pub(super) fn new(object: &Object, whole: u32, old_ior: Option<f64>) -> Self {
+        Self { identity: identity(object, whole), interior: object.interior.clone(), old_ior, hollow: object.hollow }
+    }
+
+    fn ior(&self, band: Option<f64>) -> f64 {
+        self.interior.as_ref().map_or(self.old_ior.unwrap_or(1.0), |i| ior_of(i, band))
     }
 }
 
@@ -40,22 +56,21 @@ fn ior_of(interior: &Interior, band: Option<f64>) -> f64 {
 }
 
 /// The stack beyond a surface, and the index of refraction there over that here.
-pub(super) fn beyond(stack: &Stack, object: &Object, old_ior: Option<f64>, band: Option<f64>) -> (Stack, f64) {
-    let own = object.interior.as_ref().map_or(old_ior.unwrap_or(1.0), |i| ior_of(i, band));
+pub(super) fn beyond(stack: &Stack, hit: &SolidHit<'_>, old_ior: Option<f64>, band: Option<f64>) -> (Stack, f64) {
+    let own = Within::new(hit.object, hit.whole, old_ior);
     let mut next = stack.clone();
-    let id = identity(object);
-    let outside = |s: &Stack| s.iter().rev().find_map(|w| w.interior.as_ref().map(|i| ior_of(i, band))).unwrap_or(1.0);
-    match next.iter().rposition(|w| w.identity == id) {
+    let outside = |s: &Stack| s.last().map_or(1.0, |w| w.ior(band));
+    match next.iter().rposition(|w| w.identity == own.identity) {
         Some(at) => {
             next.remove(at);
             // Leaving an object that another one lies in changes nothing for the ray.
-            let ratio = if at == next.len() { outside(&next) / own } else { 1.0 };
+            let ratio = if at == next.len() { outside(&next) / own.ior(band) } else { 1.0 };
             (next, ratio)
         }
         None => {
-            let ratio = own / outside(&next);
+            let ratio = own.ior(band) / outside(&next);
             if next.len() < DEPTH_LIMIT {
-                next.push(Within::new(object));
+                next.push(own);
             }
             (next, ratio)
         }
@@ -96,6 +111,15 @@ pub(super) fn refracted(d: DVec3, n: DVec3, ratio: f64) -> Option<DVec3> {
     let cos = -d.dot(n);
     let k = 1.0 - eta * eta * (1.0 - cos * cos);
     (k >= 0.0).then(|| d * eta + n * (eta * cos - k.sqrt()))
+}
+
+/// What is left of light on its way to a surface: its own interior fades where the ray is inside of it. Ways that end at other surfaces do
+/// not fade, nor do those that come in by a part of a combination with another interior (measured).
+pub(super) fn inner_attenuation(stack: &Stack, object: &Object, depth: f64) -> DVec3 {
+    match &object.interior {
+        Some(own) if stack.iter().any(|w| w.interior.as_ref().is_some_and(|i| Arc::ptr_eq(i, own))) => attenuation(own, depth),
+        _ => DVec3::ONE,
+    }
 }
 
 /// What an interior leaves of light over a depth: color + (1 − color) / (1 + (depth / distance) ^ power), exponential for powers from 1000

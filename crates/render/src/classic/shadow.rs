@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use super::light::Lamp;
 use super::photons::takes_shadow;
-use super::refract::{attenuation, identity};
+use super::refract::{Identity, Stack, attenuation, identity};
 use super::trace::Tracer;
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, Outlook, RayKind, SolidHit};
@@ -19,7 +19,7 @@ const NEAR: f64 = 1e-3;
 /// A surface that a shadow ray passes.
 struct Pass {
     t: f64,
-    identity: usize,
+    identity: Identity,
     color: DVec3,
     interior: Option<Arc<Interior>>,
     /// Cosine between the ray and the outward normal: negative where the ray enters.
@@ -28,22 +28,30 @@ struct Pass {
 }
 
 impl<'a> Tracer<'a, '_> {
-    /// The color of a lamp at a point, after shadows: from its whole area, averaged. `towards` is [`Lamp::towards`] of the point.
-    pub(super) fn lamp_color(&mut self, lamp: &Lamp, p: DVec3, towards: (DVec3, f64)) -> DVec3 {
+    /// The color of a lamp at a point, after shadows: from its whole area, averaged. `towards` is [`Lamp::towards`] of the point, `inside`
+    /// what the ray that found the point was inside of.
+    pub(super) fn lamp_color(&mut self, lamp: &Lamp, p: DVec3, towards: (DVec3, f64), inside: &Stack) -> DVec3 {
         let color = lamp.color(lamp.light.location, p);
         if peak(color.abs()) == 0.0 {
             return DVec3::ZERO;
         }
         let passing = match &lamp.light.area {
-            Some(_) if !lamp.light.shadowless => self.area_passing(lamp, p),
-            _ => self.passing(lamp, lamp.outlook.as_ref(), p, towards),
+            Some(_) if !lamp.light.shadowless => self.area_passing(lamp, p, inside),
+            _ => self.passing(lamp, lamp.outlook.as_ref(), p, towards, inside),
         };
         color * passing
     }
 
     /// The share of a lamp's light, color by color, that arrives at a point from one of the lamp's places, in a direction and from a
     /// distance; `outlook` is that of the place, where there is one.
-    pub(super) fn passing(&mut self, lamp: &Lamp, outlook: Option<&Outlook>, p: DVec3, (d, mut distance): (DVec3, f64)) -> DVec3 {
+    pub(super) fn passing(
+        &mut self,
+        lamp: &Lamp,
+        outlook: Option<&Outlook>,
+        p: DVec3,
+        (d, mut distance): (DVec3, f64),
+        inside: &Stack,
+    ) -> DVec3 {
         let world: &'a ClassicWorld = self.world;
         let line = Line { o: p, d };
         if let Some(gate) = &lamp.gate {
@@ -77,7 +85,7 @@ impl<'a> Tracer<'a, '_> {
             let interior = hit.object.interior.clone();
             passes.push(Pass {
                 t: hit.t,
-                identity: identity(hit.object),
+                identity: identity(hit.object, hit.whole),
                 color,
                 interior,
                 cos: hit.n.dot(line.d),
@@ -92,20 +100,27 @@ impl<'a> Tracer<'a, '_> {
             return passing;
         }
         passes.sort_by(|a, b| a.t.total_cmp(&b.t));
+        let mut within: Vec<Identity> = inside.iter().map(|w| w.identity).collect();
+        let mut last = 0.0;
         for (i, pass) in passes.iter().enumerate() {
             passing *= pass.color;
+            let way = pass.t - std::mem::replace(&mut last, pass.t);
+            let left = within.iter().position(|&identity| identity == pass.identity).map(|at| within.swap_remove(at));
+            if left.is_none() {
+                within.push(pass.identity);
+            }
             let Some(interior) = &pass.interior else { continue };
             if interior.caustics != 0.0 {
                 passing *= focus(interior.caustics, pass.cos);
+            }
+            // Only ways that end where the light leaves, from the last surface on, and only with a power (all measured).
+            if left.is_some() && interior.fade_power > 0.0 {
+                passing *= attenuation(interior, way);
             }
             if pass.cos > 0.0 {
                 // The way inside: back to where the ray entered, or to the lit point.
                 let entry = passes[..i].iter().rev().find(|e| e.identity == pass.identity && e.cos < 0.0);
                 let from = entry.map_or(0.0, |e| e.t);
-                // Only whole ways fade, and only with a power (both measured).
-                if entry.is_some() && interior.fade_power > 0.0 {
-                    passing *= attenuation(interior, pass.t - from);
-                }
                 if pass.hollow && !interior.media.is_empty() {
                     passing *= world.media_passing(&interior.media, &line, [from, pass.t]);
                 }
@@ -115,10 +130,10 @@ impl<'a> Tracer<'a, '_> {
     }
 
     /// The mean of [`Tracer::passing`] over an area light: its whole grid, or with `adaptive` as much of it as differs.
-    fn area_passing(&mut self, lamp: &Lamp, p: DVec3) -> DVec3 {
+    fn area_passing(&mut self, lamp: &Lamp, p: DVec3, inside: &Stack) -> DVec3 {
         let Some(area) = lamp.light.area else { return DVec3::ONE };
         let [m, n] = area.size.map(|s| s as usize);
-        let mut grid = Grid { lamp, p, size: [m, n], seen: vec![None; m * n], area };
+        let mut grid = Grid { lamp, p, inside, size: [m, n], seen: vec![None; m * n], area };
         match area.adaptive {
             Some(level) if m > 1 && n > 1 && level < 16 => self.quarter(&mut grid, [0.0, 0.0], [m as f64 - 1.0, n as f64 - 1.0], level),
             _ => {
@@ -160,7 +175,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let jitter = if grid.area.jitter { self.jitter() } else { DVec2::ZERO };
         let location = grid.lamp.place(&grid.area, i as f64, j as f64, jitter, grid.p);
-        let passing = self.passing(grid.lamp, None, grid.p, grid.lamp.towards_from(location, grid.p));
+        let passing = self.passing(grid.lamp, None, grid.p, grid.lamp.towards_from(location, grid.p), grid.inside);
         grid.seen[slot] = Some(passing);
         passing
     }
@@ -171,6 +186,7 @@ struct Grid<'l> {
     lamp: &'l Lamp,
     area: etendue_scene::desc::classic::AreaLight,
     p: DVec3,
+    inside: &'l Stack,
     size: [usize; 2],
     seen: Vec<Option<DVec3>>,
 }

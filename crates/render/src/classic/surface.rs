@@ -123,7 +123,7 @@ impl<'a> Tracer<'a, '_> {
         let context = Context { normal: stack.normal, ray: ray.line.d, uv: stack.uv, ..world.context(stack.p) };
         let old = stack.layers.iter().rev().find_map(|l| l.finish.old_interior.ior);
         let mut across = None;
-        let mut ratio = || across.get_or_insert_with(|| beyond(ray.inside, place.hit.object, old, ray.band)).1;
+        let mut ratio = || across.get_or_insert_with(|| beyond(ray.inside, place.hit, old, ray.band)).1;
         let mut color = DVec3::ZERO;
         let mut passing = DVec3::ONE;
         let mut top_normal = None;
@@ -182,7 +182,7 @@ impl<'a> Tracer<'a, '_> {
         }
         let weight = ray.weight * peak(passing.abs());
         if peak(passing.abs()) > 0.0 && weight >= settings.adc_bailout {
-            let (next, ratio) = across.unwrap_or_else(|| beyond(ray.inside, place.hit.object, old, ray.band));
+            let (next, ratio) = across.unwrap_or_else(|| beyond(ray.inside, place.hit, old, ray.band));
             let beyond = match self.colors(place) {
                 Some(colors) => self.split(place, n, old, colors, weight),
                 _ => self.beyond(place, n, next, ratio, ray.band, weight),
@@ -264,6 +264,7 @@ impl<'a> Tracer<'a, '_> {
     fn lights(&mut self, place: &mut Place<'a, '_>) {
         place.knows_lights = true;
         let (world, hit, n): (&'a ClassicWorld, _, _) = (self.world, place.hit, place.n);
+        let inside = place.ray.inside;
         let lights = &mut place.lights;
         let object = hit.object;
         let set = world.lamps_of_group.get(object.light_group as usize).or(world.lamps_of_group.first());
@@ -283,14 +284,14 @@ impl<'a> Tracer<'a, '_> {
                         let location = lamp.place(&area, f64::from(i), f64::from(j), jitter, hit.p);
                         let towards = lamp.towards_from(location, hit.p);
                         if self.can_light(hit, n, towards.0) {
-                            add(towards.0, lamp.color(location, hit.p) * self.passing(lamp, None, hit.p, towards) * share);
+                            add(towards.0, lamp.color(location, hit.p) * self.passing(lamp, None, hit.p, towards, inside) * share);
                         }
                     }
                 }
             } else {
                 let towards = lamp.towards(hit.p);
                 if self.can_light(hit, n, towards.0) {
-                    add(towards.0, self.lamp_color(lamp, hit.p, towards));
+                    add(towards.0, self.lamp_color(lamp, hit.p, towards, inside));
                 }
             }
         }
@@ -335,7 +336,7 @@ impl<'a> Tracer<'a, '_> {
         let mut sum = Traced { color: DVec3::ZERO, alpha: 0.0, t: 0.0 };
         for i in 0..colors {
             let band = Some((f64::from(i) + 0.5) / f64::from(colors));
-            let (next, ratio) = beyond(place.ray.inside, place.hit.object, old, band);
+            let (next, ratio) = beyond(place.ray.inside, place.hit, old, band);
             let seen = self.beyond(place, n, next, ratio, band, weight);
             sum.color += seen.color * band_color(i, colors);
             sum.alpha += seen.alpha / f64::from(colors);

@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use super::radiosity::Gathering;
-use super::refract::{Stack, Within, attenuation};
+use super::refract::{Stack, inner_attenuation};
 use super::{ClassicWorld, gray};
 use crate::sampler::SampleStream;
 use crate::solid::{Line, RayKind};
@@ -122,10 +122,8 @@ impl<'a, 's> Tracer<'a, 's> {
                 (Traced { color, alpha, t: f64::INFINITY }, f64::INFINITY)
             }
         };
-        if let Some(Within { interior: Some(interior), .. }) = ray.inside.last()
-            && t.is_finite()
-        {
-            traced.color *= attenuation(interior, t);
+        if let Some(hit) = &hit {
+            traced.color *= inner_attenuation(ray.inside, hit.object, t);
         }
         if ray.inside.iter().all(|w| w.hollow) && self.gathering.as_ref().is_none_or(|g| g.sees_media(ray.gather)) {
             let group = hit.as_ref().map_or(0, |h| h.object.light_group);

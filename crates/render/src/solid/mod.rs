@@ -169,6 +169,8 @@ pub struct SolidHit<'a> {
     pub object: &'a Object,
     /// Number of the leaf, the same for all hits of one leaf.
     pub leaf: u32,
+    /// Number of the top-level object that the leaf is of.
+    pub whole: u32,
     /// Where on the primitive, in its own terms.
     pub(crate) crossing: Crossing,
 }

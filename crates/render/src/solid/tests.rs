@@ -195,7 +195,7 @@ fn hostile_sizes() {
         for l in [line, Line { o: DVec3::splat(-3.0), d: DVec3::ONE.normalize() }] {
             let _ = world.nearest(&l, 1e-6, f64::INFINITY, RayKind::Camera);
             world.visit(&l, 1e-6, 1e9, RayKind::Shadow, &mut |_| true);
-            world.containing(l.o, &mut |_| {});
+            world.containing(l.o, &mut |_, _| {});
         }
     }
 }
@@ -347,7 +347,7 @@ fn parts_inherit() {
     assert_eq!(seen, [(true, true), (false, true)]);
     assert!(world.nearest(&Line { o: DVec3::new(0.0, 5.0, -9.0), d: DVec3::Z }, 0.0, 99.0, RayKind::Shadow).is_none());
     let mut inside = 0;
-    world.containing(DVec3::new(0.0, 5.0, 0.0), &mut |_| inside += 1);
+    world.containing(DVec3::new(0.0, 5.0, 0.0), &mut |_, _| inside += 1);
     assert_eq!(inside, 1);
 }
 

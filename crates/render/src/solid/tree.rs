@@ -28,6 +28,8 @@ pub(super) struct Leaf {
     pub hidden: u8,
     /// The object with texture, interior and flags that it inherits.
     pub object: Arc<Object>,
+    /// Number of the top-level object that it is of.
+    pub whole: u32,
     /// Textures of the shape's parts, in world space.
     pub own_textures: Vec<Arc<Texture>>,
     /// The combination whose parts give the texture of cut faces.
@@ -123,6 +125,7 @@ struct Above {
     no_radiosity: bool,
     double_illuminate: bool,
     light_group: u32,
+    whole: u32,
     photons: etendue_scene::desc::classic::PhotonSettings,
     radiosity_importance: Option<f64>,
     /// Number of the combination that gives cut faces their textures, known when it is done.
@@ -135,6 +138,8 @@ type Moved<T> = HashMap<(usize, [u64; 16]), (Arc<T>, Arc<T>)>;
 /// Builds a [`Tree`].
 pub(super) struct Builder<'a> {
     tree: Tree,
+    /// Top-level objects so far.
+    wholes: u32,
     compiler: Compiler<'a>,
     textures: Moved<Texture>,
     /// Leaves that wait for the number of a combination, and those numbers.
@@ -143,11 +148,12 @@ pub(super) struct Builder<'a> {
 
 impl<'a> Builder<'a> {
     pub(super) fn new(images: Option<&'a dyn Images>) -> Self {
-        Self { tree: Tree::default(), compiler: Compiler::new(images), textures: HashMap::new(), cutaways: Vec::new() }
+        Self { tree: Tree::default(), wholes: 0, compiler: Compiler::new(images), textures: HashMap::new(), cutaways: Vec::new() }
     }
 
     /// Adds a top-level object.
     pub(super) fn add(&mut self, object: &Arc<Object>) {
+        self.wholes += 1;
         let above = Above {
             world_from_parent: DMat4::IDENTITY,
             flip: false,
@@ -162,6 +168,7 @@ impl<'a> Builder<'a> {
             no_radiosity: false,
             double_illuminate: false,
             light_group: 0,
+            whole: self.wholes,
             photons: Default::default(),
             radiosity_importance: None,
             cutaway: None,
@@ -207,6 +214,7 @@ impl<'a> Builder<'a> {
             no_radiosity: object.no_radiosity || above.no_radiosity,
             double_illuminate: object.double_illuminate || above.double_illuminate,
             light_group: if object.light_group != 0 { object.light_group } else { above.light_group },
+            whole: above.whole,
             photons: etendue_scene::desc::classic::PhotonSettings {
                 target: object.photons.target.or(above.photons.target),
                 refraction: object.photons.refraction.or(above.photons.refraction),
@@ -398,6 +406,7 @@ impl<'a> Builder<'a> {
             hidden: hidden.iter().enumerate().fold(0, |bits, (i, &h)| bits | u8::from(h) << i),
             object: Arc::new(resolved),
             own_textures,
+            whole: state.whole,
             cutaway: state.cutaway.map(pending),
             box_first,
             opaque,

@@ -280,15 +280,14 @@ impl World {
         })
     }
 
-    /// The objects (leaves with interiors and textures filled in) that a point is inside of.
-    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object)) {
-        for &i in &self.unbounded_inside {
+    /// The objects (leaves with interiors and textures filled in, and the number of the top-level object) that a point is inside of, and in
+    /// the box of their surfaces: a point below a disc or beside a sphere with its inside out does not count, as in POV-Ray (measured).
+    pub fn containing(&self, p: DVec3, visit: &mut dyn FnMut(&Object, u32)) {
+        for &i in &self.each {
             self.contained(self.root(i), p, visit);
         }
         self.bvh.visit_point(p, |i| {
-            if !self.unbounded_inside.contains(&i) {
-                self.contained(self.root(i), p, visit);
-            }
+            self.contained(self.root(i), p, visit);
             true
         });
     }
@@ -375,18 +374,22 @@ impl World {
             uv: if uv.is_nan() { DVec2::new(p.x, p.y) } else { uv },
             object: &leaf.object,
             leaf: hit.leaf,
+            whole: leaf.whole,
             crossing: hit.crossing,
         }
     }
 
     /// Visits the leaves of a node that a point is inside of; one of them where a combination has no leaf that holds the point.
-    fn contained(&self, id: NodeId, p: DVec3, visit: &mut dyn FnMut(&Object)) {
+    fn contained(&self, id: NodeId, p: DVec3, visit: &mut dyn FnMut(&Object, u32)) {
         if !self.tree.inside(id, p) {
             return;
         }
         let node = &self.tree.nodes[id as usize];
         match &node.kind {
-            Kind::Leaf(leaf) => visit(&self.tree.leaves[*leaf as usize].object),
+            Kind::Leaf(leaf) => {
+                let leaf = &self.tree.leaves[*leaf as usize];
+                visit(&leaf.object, leaf.whole);
+            }
             // All parts hold the point; the first says what the object is made of.
             Kind::Intersection(group) => match group.children.first() {
                 Some(&first) if !node.inverse => self.contained(first, p, visit),
@@ -399,7 +402,8 @@ impl World {
                         self.first_leaf(first, visit);
                     }
                 } else if matches!(node.kind, Kind::Union(_)) {
-                    group.children.iter().for_each(|&c| self.contained(c, p, visit));
+                    let near = |c: &NodeId| self.tree.nodes[*c as usize].bounds.contains(p);
+                    group.children.iter().filter(|c| near(c)).for_each(|&c| self.contained(c, p, visit));
                 } else if let Some(&c) = group.children.iter().find(|&&c| self.tree.inside(c, p)) {
                     self.contained(c, p, visit);
                 }
@@ -407,9 +411,12 @@ impl World {
         }
     }
 
-    fn first_leaf(&self, id: NodeId, visit: &mut dyn FnMut(&Object)) {
+    fn first_leaf(&self, id: NodeId, visit: &mut dyn FnMut(&Object, u32)) {
         match &self.tree.nodes[id as usize].kind {
-            Kind::Leaf(leaf) => visit(&self.tree.leaves[*leaf as usize].object),
+            Kind::Leaf(leaf) => {
+                let leaf = &self.tree.leaves[*leaf as usize];
+                visit(&leaf.object, leaf.whole);
+            }
             Kind::Union(group) | Kind::Intersection(group) | Kind::Merge(group) => {
                 if let Some(&first) = group.children.first() {
                     self.first_leaf(first, visit);
