@@ -76,6 +76,72 @@ fn interiors_fade_what_is_seen_through_them() {
     is(&ball("fade_distance 2 fade_power 999"), [0.5; 3]);
 }
 
+const CLEAR: &str = "pigment { rgbt 1 } finish { ambient 0 diffuse 0 }";
+
+/// A sphere of that center, radius and fade distance, with fade power 1.
+fn fading(center: &str, radius: f64, distance: f64, items: &str) -> String {
+    format!("sphere {{ {center}, {radius} {CLEAR} interior {{ fade_distance {distance} fade_power 1 }} {items} }}\n")
+}
+
+#[test]
+fn only_ways_that_end_at_the_same_interior_fade() {
+    let glow = "box { <-9,-9,2>, <9,9,3> pigment { rgb 1 } finish { ambient .5 diffuse 0 } }\n";
+    let seen = |what: &str, value: f64| is(&format!("{glow}{what}"), [value; 3]);
+    let [a, b] = [fading("0", 1.0, 0.5, ""), fading("z*.5", 1.0, 0.25, "")];
+    let interior = "interior { fade_distance .5 fade_power 1 }";
+    seen(&a, 0.1);
+    // Open halves, a disc and a plane are never left.
+    seen(&fading("0", 1.0, 0.5, "clipped_by { plane { z, 0 } }"), 0.5);
+    seen(&fading("0", 1.0, 0.5, "clipped_by { plane { -z, 0 } }"), 0.5);
+    seen(&format!("disc {{ 0, -z, 1 {CLEAR} {interior} }}"), 0.5);
+    seen(&format!("disc {{ 0, z, 1 {CLEAR} {interior} }}"), 0.5);
+    seen(&format!("disc {{ -z*6, -z, 9 {CLEAR} {interior} }}"), 0.5);
+    seen(&format!("plane {{ -z, 0 {CLEAR} {interior} }}"), 0.5);
+    seen(&format!("sphere {{ 0, 1 inverse {CLEAR} {interior} }}"), 0.1);
+    // Each surface begins a new way: what lies in another interior fades by the one that it is in last.
+    seen(&format!("merge {{ {a}{b} }}"), 0.5);
+    seen(&format!("union {{ {a}{b} }}"), 0.04167);
+    seen(&format!("merge {{ sphere {{ 0, 1 }} sphere {{ z*.5, 1 }} {CLEAR} {interior} }}"), 0.08333);
+    seen(&format!("{a}{}", fading("0", 0.5, 0.25, "")), 0.05);
+    // The camera is inside.
+    seen(&fading("-z*5", 4.0, 0.5, ""), 0.05556);
+}
+
+#[test]
+fn shadows_fade_as_what_is_seen_does() {
+    let lit = |what: &str, value: f64| is(&format!("{}{WALL}{what}", sun(0.0, "1")), [value; 3]);
+    let ball = |items: &str| fading("-z*2", 1.0, 0.5, &format!("no_image {items}"));
+    lit(&ball(""), 0.2);
+    lit(&ball("clipped_by { plane { z, -2 } }"), 1.0);
+    lit(&ball("clipped_by { plane { -z, 2 } }"), 1.0);
+    lit(&format!("union {{ {}{} no_image }}", fading("-z*2", 1.0, 0.5, ""), fading("-z*1.5", 1.0, 0.25, "")), 0.07143);
+    lit(&format!("{}{}", ball(""), fading("-z*2", 0.5, 0.25, "no_image")), 0.1);
+    // A shadow ray begins inside of what the viewing ray was in.
+    lit(&fading("0", 1.0, 0.5, ""), 0.33333);
+    lit(&fading("0", 1.0, 0.5, "no_image"), 1.0);
+    lit(&fading("0", 1.0, 0.5, "no_shadow"), 1.0);
+}
+
+#[test]
+fn parts_without_interior_are_one() {
+    let stripes = "box { <-9,-9,2>, <9,9,3> pigment { gradient x color_map { [0 rgb 0] [1 rgb 1] } scale 4 translate -2*x }
+        finish { ambient 1 diffuse 0 } }\n";
+    let seen = |what: &str, value: f64| is(&format!("{stripes}{what}"), [value; 3]);
+    let glass = format!("sphere {{ .15*x, 1 {CLEAR} interior {{ ior 1.5 }} }}\n");
+    let hole = |items: &str| format!("sphere {{ .1*x, .5 {CLEAR} {items} }} sphere {{ <.1,0,-.4>, .4 {CLEAR} {items} }}\n");
+    let air = "interior { ior 1 }";
+    seen(&glass, 0.55038);
+    seen(&format!("{glass}sphere {{ .1*x, .5 {CLEAR} }}"), 0.49993);
+    // Two bubbles that overlap: two things when they stand alone, or bear interiors; one in a union.
+    seen(&format!("{glass}{}", hole("")), 0.4605);
+    seen(&format!("{glass}{}", hole(air)), 0.4605);
+    seen(&format!("{glass}union {{ {} }}", hole("")), 0.0);
+    seen(&format!("{glass}union {{ {} {air} }}", hole("")), 0.0);
+    // Holes are turned inside out and are no bubbles.
+    seen(&format!("difference {{ {glass}{} }}", hole("")), 0.4605);
+    seen(&format!("difference {{ {glass}union {{ {} }} }}", hole("")), 0.4605);
+}
+
 #[test]
 fn shadows_of_transparent_things() {
     let through = |what: &str| format!("{}{WALL}sphere {{ -z*2, 1 no_image finish {{ ambient 0 diffuse 0 }} {what} }}", sun(0.0, "1"));
