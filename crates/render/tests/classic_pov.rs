@@ -274,3 +274,96 @@ fn light_groups_keep_to_themselves() {
     is(&group("global_lights on"), [0.5, 0.25, 0.0]);
     is(&format!("light_group {{ light_source {{ -z*1e5, rgb 1 }} }}{WALL}"), [0.0; 3]);
 }
+
+/// A far light above a plate that is a target, and things below it.
+fn below_a_target(photons: &str, light: &str, plate: &str, things: &str) -> String {
+    format!(
+        "global_settings {{ photons {{ {photons} }} }}
+        light_source {{ <0, 1000, 0>, rgb 1 {light} }}
+        box {{ <-2, 3, -2>, <2, 3.1, 2> pigment {{ rgbf 1 }} finish {{ ambient 0 diffuse 0 }} interior {{ ior 1 }} photons {{ {plate} collect off }} }}
+        {things}"
+    )
+}
+
+/// Looks at one place from near by, with an orthographic camera that is `from` there.
+#[track_caller]
+fn at(place: [f64; 3], from: &str, scene: &str, expected: f64, tolerance: f64) {
+    let [x, y, z] = place;
+    let up = if from.contains('y') { "z" } else { "y" };
+    let camera = format!("camera {{ orthographic location <{x}, {y}, {z}> + {from} direction -({from}) right .02*x up .02*{up} }}");
+    let got = f64::from(picture(&format!("{HEAD}{camera}{scene}"), [1, 1])[0][0]);
+    assert!((got - expected).abs() <= tolerance * expected + 1e-6, "{got} is not {expected}, at {place:?} of\n{scene}");
+}
+
+const REFRACTING: &str = "target refraction on";
+const TRANSPARENT: &str = "pigment { rgbt 1 } finish { ambient 0 diffuse 0 }";
+
+#[test]
+fn photons_go_where_lamps_and_objects_say() {
+    let floor = |items: &str| format!("plane {{ y, -5 pigment {{ rgb 1 }} finish {{ ambient 0 diffuse 1 }} {items} }}\n");
+    let seen = |light: &str, plate: &str, things: &str, value: f64, tolerance: f64| {
+        at([0.7, -5.0, -0.4], "y*.5", &below_a_target("spacing .1", light, plate, things), value, tolerance);
+    };
+    let on = "photons { refraction on }";
+    // Photons bring about as much as the light would: their estimates are noisy.
+    let noise = 0.06;
+    seen("", REFRACTING, &floor(""), 1.0, noise);
+    seen("", REFRACTING, &floor("photons { collect off }"), 1.0, 0.0);
+    let tinted = "pigment { rgbt <0, 0, 0, .5> }";
+    let window = |items: &str| format!("box {{ <-2, 5, -2>, <2, 6, 2> finish {{ ambient 0 diffuse 0 }} {items} }}");
+    let clear = |items: &str| window(&format!("pigment {{ rgbt 1 }} {items}"));
+    // No photon arrives anywhere: light as without any. Where one does, what stands before the target hides it.
+    seen("", REFRACTING, &(floor("") + &clear("")), 1.0, 0.0);
+    let other = "box { <5, 3, -2>, <8, 3.1, 2> pigment { rgbf 1 } finish { ambient 0 diffuse 0 } interior { ior 1 } photons { target refraction on } }";
+    seen("", REFRACTING, &(floor("") + &clear("") + other), 0.0, 0.0);
+    seen("", REFRACTING, &(floor("") + &clear("photons { pass_through }")), 1.0, noise);
+    seen("", REFRACTING, &(floor("") + &window(&format!("{tinted} photons {{ pass_through }}"))), 0.25, noise);
+    // Behind the target what it says, else what the lamp says.
+    let below = |items: &str| floor("") + &format!("box {{ <-3, -3, -3>, <3, 0, 3> {TRANSPARENT} {items} }}");
+    for (light, object, value) in [
+        ("", "", 0.0),
+        ("", "photons { refraction on }", 1.0),
+        ("", "photons { pass_through }", 0.0),
+        (on, "", 1.0),
+        (on, "photons { refraction off }", 0.0),
+        (on, "photons { pass_through }", 1.0),
+    ] {
+        seen(light, REFRACTING, &below(object), value, noise);
+    }
+    for plate in ["target", "target pass_through"] {
+        seen("", plate, &floor(""), 1.0, 0.0);
+    }
+    seen(on, "target pass_through", &(floor("") + other), 1.0, 0.0);
+    // Media weaken photons: e^(−.3 · 3).
+    let dark = "hollow interior { media { absorption .3 } }";
+    seen(on, REFRACTING, &below(dark), 0.4066, noise);
+}
+
+#[test]
+fn photons_light_media() {
+    let glow = "scattering { 1, .02 extinction 0 }";
+    let seen = |place: [f64; 3], photons: &str, media: &str, value: f64, tolerance: f64| {
+        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {TRANSPARENT} interior {{ media {{ {media} }} }} }}");
+        at(place, "-z*5", &below_a_target(photons, "photons { refraction on }", REFRACTING, &things), value, tolerance);
+    };
+    let photons = "spacing .05 media 1000";
+    seen([0.0; 3], photons, glow, 0.03822, 0.05);
+    // The edge of the beam is as soft as the sphere of a hundred photons is wide.
+    for (x, value) in [(1.8, 0.0379), (1.95, 0.02989), (2.0, 0.02109), (2.05, 0.05353), (2.1, 0.04881), (2.3, 0.0419), (2.6, 0.04039)] {
+        seen([x, 0.0, 0.0], photons, glow, value, 0.05);
+    }
+    for (y, value) in [(2.0, 0.45669), (0.0, 0.45307), (-3.5, 0.46072)] {
+        seen([0.0, y, 0.0], photons, "scattering { 1, .3 }", value, 0.05);
+    }
+    seen([0.0; 3], "spacing .05", glow, 0.0, 0.0);
+    seen([0.0; 3], photons, &format!("{glow} collect off"), 0.03999, 1e-3);
+    // A near light's photons spread, so that media get brighter the farther they are from it (as they do in POV-Ray).
+    for (y, value) in [(2.0, 0.04228), (0.0, 0.05594), (-3.5, 0.0788)] {
+        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {TRANSPARENT} interior {{ media {{ {glow} }} }} }}");
+        let scene = below_a_target(photons, "photons { refraction on }", REFRACTING, &things).replace("1000, 0>", "8, 0>");
+        at([0.5, y, 0.0], "-z*5", &scene, value, 0.05);
+    }
+    // Air neither keeps nor weakens photons: the shadow of the target is dark.
+    let air = format!("media {{ {glow} }} box {{ <-90, -90, 1>, <90, 90, 2> pigment {{ rgb 0 }} }}");
+    at([0.0, 2.0, 0.0], "-z*5", &below_a_target(photons, "", REFRACTING, &air), 0.06833, 0.01);
+}

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::light::Lamp;
 use super::refract::Stack;
+use super::shadow::Receiver;
 use super::trace::Tracer;
 use super::{ClassicWorld, atmosphere, peak};
 use crate::solid::Line;
@@ -46,6 +47,8 @@ struct Around<'w> {
     media: Vec<&'w Media>,
     /// Those that shine on the part.
     lamps: Vec<&'w Lamp>,
+    /// Photons stand for the light through their targets.
+    by_photons: bool,
 }
 
 impl<'w> Around<'w> {
@@ -53,7 +56,8 @@ impl<'w> Around<'w> {
         let own = inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media);
         let all = own.chain(&world.scene.atmosphere);
         let media = if inside.iter().all(|w| w.hollow) { all.collect() } else { Vec::new() };
-        Self { inside, media, lamps: Vec::new() }
+        let by_photons = world.photons.is_some() && media.iter().any(|m| scatters_photons(m));
+        Self { inside, media, lamps: Vec::new(), by_photons }
     }
 }
 
@@ -183,18 +187,32 @@ impl Tracer<'_, '_> {
         out
     }
 
-    /// Directions and colors at a point of those of some lamps that light it.
+    /// Directions and colors at a point of those of some lamps, and of the photons, that light it.
     fn lamps_at(&mut self, p: DVec3, around: &Around<'_>) -> Vec<(DVec3, DVec3)> {
         let mut lights = Vec::new();
         for &lamp in &around.lamps {
             let towards = lamp.towards(p);
-            let color = self.lamp_color(lamp, p, towards, around.inside);
+            let lit = Receiver { p, inside: around.inside, by_photons: around.by_photons };
+            let color = self.lamp_color(lamp, lit, towards);
             if color != DVec3::ZERO {
                 lights.push((towards.0, color));
             }
         }
+        if let Some(photons) = self.world.photons.as_ref().filter(|_| around.by_photons) {
+            photons.light_in_media(p, &mut lights);
+        }
         lights
     }
+}
+
+/// Whether photons are kept in what a ray is inside of.
+pub(super) fn collect_photons(inside: &Stack) -> bool {
+    let mut media = inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media);
+    inside.iter().all(|w| w.hollow) && media.any(scatters_photons)
+}
+
+fn scatters_photons(media: &Media) -> bool {
+    media.collect_photons && media.scattering.is_some()
 }
 
 impl ClassicWorld {

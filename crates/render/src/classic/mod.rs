@@ -70,8 +70,6 @@ pub struct ClassicWorld {
     space: WorkingSpace,
     radiosity: Option<radiosity::Cache>,
     photons: Option<photons::PhotonLight>,
-    /// Shadows of photons' targets are left to the photons.
-    has_photons: bool,
     /// The camera's place and what it is inside of: where most camera rays begin.
     around_camera: Option<(DVec3, Stack)>,
     /// What is seen from the camera's place.
@@ -103,7 +101,6 @@ impl ClassicWorld {
             space,
             radiosity: None,
             photons: None,
-            has_photons: scene.settings.photons.is_some(),
             around_camera: None,
             outlook: None,
         };

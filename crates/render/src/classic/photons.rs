@@ -1,11 +1,17 @@
-//! `photons`: light that targets mirror and refract onto other surfaces, followed from the lights (documentation, "Photons"; Jensen 1996,
-//! "Global Illumination using Photon Maps", doi:10.1007/978-3-7091-7484-5_3).
+//! `photons`: light that targets mirror and refract onto other surfaces and into media, followed from the lights (documentation,
+//! "Photons"; Jensen 1996, "Global Illumination using Photon Maps", doi:10.1007/978-3-7091-7484-5_3; Jensen and Christensen 1998, "Efficient
+//! Simulation of Light Transport in Scenes with Participating Media using Photon Maps", doi:10.1145/280814.280925).
 //!
 //! Each light shoots at each target, in rings around the direction to its middle, one photon for each square of the spacing there. A photon
 //! that meets its target goes on as the `photons` of the surfaces on its way say, and is kept where it falls on a surface that scatters it.
 //! Light does not grow weaker with distance in this model, so that a photon counts for as much as its cone is wide where it lands
 //! (measured). Surfaces then see as much light as the nearest `gather` photons bring to the disc that holds them. In return targets that
-//! refract photons of a light cast full shadows of it.
+//! refract photons of a light cast full shadows of it on whatever collects photons, provided that any photon arrives at all.
+//!
+//! Behind the target photons are also left at equal steps in the interiors that scatter and collect them, each for as much light as its
+//! step is long; what such media scatter is the light of the nearest photons in the sphere that holds them, by the direction of each. All
+//! that follows was measured: media weaken photons from one surface to the next, but not within the part; atmospheric media neither collect
+//! nor weaken any. Surfaces and media that refuse photons are lit through targets as through anything transparent.
 
 use etendue_procedural::{Context, fns};
 use etendue_scene::desc::classic::{PhotonSettings, Photons};
@@ -14,9 +20,10 @@ use rayon::prelude::*;
 
 use super::finish::reflectance;
 use super::light::Lamp;
+use super::media::collect_photons;
 use super::refract::{Stack, band_color, beyond, inner_attenuation, refracted};
 use super::trace::{DEPTH_LIMIT, NEAR};
-use super::{ClassicWorld, peak};
+use super::{ClassicWorld, atmosphere, peak};
 use crate::photon::tree::{MAX_NEIGHBORS, Neighbors};
 use crate::photon::{Photon, PhotonTree, Route};
 use crate::solid::{Line, PhotonTarget, RayKind, SolidHit};
@@ -28,16 +35,46 @@ use std::f64::consts::{PI, TAU};
 const REACH: f64 = 27.0;
 /// Most photons shot; larger numbers are shot with a wider spacing.
 const MOST_SHOT: f64 = 8e6;
-/// Most photons kept, 32 bytes each.
+/// Most photons kept, 32 bytes each; where there would be more, the spacing is doubled.
 const MOST_KEPT: usize = 30_000_000;
 /// Most pieces that one photon may break into.
 const MOST_PIECES: u32 = 2000;
 
-/// Photons on surfaces.
+/// Most photons that one photon may leave in media.
+const MOST_IN_MEDIA: usize = 10_000;
+/// Enough for any spacing that fits into memory at all.
+const MOST_DOUBLINGS: u32 = 16;
+/// Photons shot before those kept are counted.
+const CHUNK: usize = 4096;
+
+/// Photons on surfaces and in media.
 pub(super) struct PhotonLight {
+    surfaces: Nearby,
+    media: Nearby,
+}
+
+/// Photons, with how many of them are gathered from how far.
+struct Nearby {
     tree: PhotonTree,
     gather: usize,
     radius: f32,
+}
+
+/// Where photons were kept.
+#[derive(Default)]
+struct Kept {
+    surfaces: Vec<Photon>,
+    media: Vec<Photon>,
+    /// Photons have come to something that does not refuse them, be it black.
+    has_come: bool,
+}
+
+/// A photon to be shot: its way, the share of the solid angle or of the area that it stands for, and a number of its own.
+#[derive(Clone, Copy)]
+struct Shot {
+    line: Line,
+    share: f64,
+    number: u32,
 }
 
 /// A photon on its way.
@@ -61,7 +98,7 @@ struct Aim<'a> {
 }
 
 impl PhotonLight {
-    /// Shoots photons; `None` where none is kept.
+    /// Shoots photons; `None` where none arrives anywhere.
     pub(super) fn build(world: &ClassicWorld, settings: &Photons) -> Option<Self> {
         let targets: Vec<PhotonTarget> =
             world.world.photon_targets().into_iter().filter(|t| t.bounds.is_finite() && !t.bounds.is_empty()).collect();
@@ -79,24 +116,30 @@ impl PhotonLight {
             return None;
         }
         let wanted = if settings.spacing > 0.0 { settings.spacing } else { (squares / f64::from(settings.count.max(1))).sqrt() };
-        let spacing = wanted.max((squares / MOST_SHOT).sqrt());
-        let mut kept = Vec::new();
-        for aim in &mut aims {
-            aim.spacing *= spacing;
-            let more: Vec<Photon> =
-                aim.rays(settings.jitter).into_par_iter().flat_map_iter(|(d, share)| world.shoot(aim, d, share, settings)).collect();
-            kept.extend(more);
-            if kept.len() > MOST_KEPT {
+        let mut spacing = wanted.max((squares / MOST_SHOT).sqrt());
+        aims.iter_mut().for_each(|aim| aim.spacing *= spacing);
+        let mut kept = None;
+        for _ in 0..MOST_DOUBLINGS {
+            kept = world.shoot_all(&aims, settings);
+            if kept.is_some() {
                 break;
             }
+            spacing *= 2.0;
+            aims.iter_mut().for_each(|aim| aim.spacing *= 2.0);
         }
-        if kept.is_empty() {
+        let kept = kept?;
+        if !kept.has_come && kept.media.is_empty() {
             return None;
         }
-        let [radius, factor, ..] = settings.radius;
-        let radius = if radius > 0.0 { radius * if factor > 0.0 { factor } else { 1.0 } } else { REACH * spacing };
         let gather = (settings.gather[1] as usize).clamp(1, MAX_NEIGHBORS);
-        Some(Self { tree: PhotonTree::new(kept), gather, radius: radius as f32 })
+        let nearby = |photons: Vec<Photon>, radius: f64, factor: f64, spacing: f64| {
+            let radius = if radius > 0.0 { radius * if factor > 0.0 { factor } else { 1.0 } } else { REACH * spacing };
+            Nearby { tree: PhotonTree::new(photons), gather, radius: radius as f32 }
+        };
+        let [radius, factor, media_radius, media_factor] = settings.radius;
+        let surfaces = nearby(kept.surfaces, radius, factor, spacing);
+        let media = nearby(kept.media, media_radius, media_factor, spacing * settings.media_factor.max(1.0));
+        Some(Self { surfaces, media })
     }
 
     /// Light of the photons that fall on the side of `n`, as much as a lamp of that color would send straight down.
@@ -104,12 +147,31 @@ impl PhotonLight {
         let n = n.as_vec3();
         let accept = |photon: &Photon| photon.from().dot(n) > 0.0 && photon.normal().dot(n) > 0.3;
         let mut found = Neighbors::new();
-        let square = self.tree.nearest(p.as_vec3(), self.gather, self.radius, accept, &mut found);
+        let Nearby { tree, gather, radius } = &self.surfaces;
+        let square = tree.nearest(p.as_vec3(), *gather, *radius, accept, &mut found);
         let mut sum = Vec3::ZERO;
         for (_, index) in &found {
-            sum += Vec3::from_array(self.tree.photon(*index).power().rgb());
+            sum += Vec3::from_array(tree.photon(*index).power().rgb());
         }
         if square > 0.0 { sum.as_dvec3() / (PI * f64::from(square)) } else { DVec3::ZERO }
+    }
+
+    /// Adds the light of the photons around a place in media: the direction to where each came from, and what a lamp there would be.
+    pub(super) fn light_in_media(&self, p: DVec3, lights: &mut Vec<(DVec3, DVec3)>) {
+        let Nearby { tree, gather, radius } = &self.media;
+        if tree.is_empty() {
+            return;
+        }
+        let mut found = Neighbors::new();
+        let square = f64::from(tree.nearest(p.as_vec3(), *gather, *radius, |_| true, &mut found));
+        if !(square > 0.0) {
+            return;
+        }
+        let density = 1.0 / (4.0 / 3.0 * PI * square * square.sqrt());
+        lights.extend(found.iter().map(|(_, index)| {
+            let photon = tree.photon(*index);
+            (photon.from().as_dvec3(), Vec3::from_array(photon.power().rgb()).as_dvec3() * density)
+        }));
     }
 }
 
@@ -124,11 +186,24 @@ impl Lamp {
 
 /// Whether a surface's shadow of a lamp is left to the photons.
 pub(super) fn takes_shadow(photons: &PhotonSettings, lamp: &Lamp) -> bool {
-    photons.target.is_some()
-        && photons.refraction == Some(true)
-        && !photons.pass_through
-        && lamp.light.photon_refraction != Some(false)
-        && lamp.shoots()
+    photons.target.is_some() && !passes_through(photons) && refracts(photons, lamp) && lamp.shoots()
+}
+
+/// Whether an object refracts photons of a lamp: what it says, else what the lamp says, unless the lamp forbids it (measured).
+fn refracts(photons: &PhotonSettings, lamp: &Lamp) -> bool {
+    lamp.light.photon_refraction.is_some_and(|on| on && photons.refraction != Some(false))
+        || lamp.light.photon_refraction.is_none() && photons.refraction == Some(true)
+}
+
+/// The same for mirrors.
+fn reflects(photons: &PhotonSettings, lamp: &Lamp) -> bool {
+    lamp.light.photon_reflection.is_some_and(|on| on && photons.reflection != Some(false))
+        || lamp.light.photon_reflection.is_none() && photons.reflection == Some(true)
+}
+
+/// Whether photons on their way to a target go straight through an object: not if it is one that is told to refract them (measured).
+fn passes_through(photons: &PhotonSettings) -> bool {
+    photons.pass_through && !(photons.target.is_some() && photons.refraction == Some(true))
 }
 
 /// A number in [0, 1) of two others: the jitter of a photon (Mueller's 32-bit integer hash).
@@ -141,8 +216,8 @@ fn hash(a: u32, b: u32) -> f64 {
 }
 
 impl Aim<'_> {
-    /// Directions, or for parallel lights places on a disc, with the share of the solid angle or of the area that each stands for.
-    fn rays(&self, jitter: f64) -> Vec<(Line, f64)> {
+    /// Directions, or for parallel lights places on a disc.
+    fn shots(&self, jitter: f64) -> Vec<Shot> {
         let light = &self.lamp.light;
         let jitter = jitter.clamp(0.0, 1.0);
         let to = self.middle - light.location;
@@ -178,21 +253,46 @@ impl Aim<'_> {
                     let (sin, cos) = fns::sin_cos(off);
                     Line { o: light.location, d: axis * cos + aside * sin }
                 };
-                out.push((line, share / f64::from(count)));
+                out.push(Shot { line, share: share / f64::from(count), number: out.len() as u32 });
             }
         }
         out
     }
 }
 
+impl Kept {
+    fn len(&self) -> usize {
+        self.surfaces.len() + self.media.len()
+    }
+}
+
 impl ClassicWorld {
+    /// Shoots the photons of all lights at all targets; `None` where too many are kept.
+    fn shoot_all(&self, aims: &[Aim<'_>], settings: &Photons) -> Option<Kept> {
+        let mut kept = Kept::default();
+        for aim in aims {
+            for shots in aim.shots(settings.jitter).chunks(CHUNK) {
+                let more: Vec<Kept> = shots.par_iter().map(|shot| self.shoot(aim, *shot, settings)).collect();
+                for mut more in more {
+                    kept.surfaces.append(&mut more.surfaces);
+                    kept.media.append(&mut more.media);
+                    kept.has_come |= more.has_come;
+                }
+                if kept.len() > MOST_KEPT {
+                    return None;
+                }
+            }
+        }
+        Some(kept)
+    }
+
     /// Follows a photon to all places where it is kept.
-    fn shoot(&self, aim: &Aim<'_>, start: Line, share: f64, settings: &Photons) -> Vec<Photon> {
-        let lamp = aim.lamp;
+    fn shoot(&self, aim: &Aim<'_>, shot: Shot, settings: &Photons) -> Kept {
+        let (lamp, start, share) = (aim.lamp, shot.line, shot.share);
         let light = &lamp.light;
         let most = settings.max_trace_level.unwrap_or(self.settings().max_trace_level).min(DEPTH_LIMIT);
         let bailout = settings.adc_bailout.unwrap_or(self.settings().adc_bailout);
-        let mut kept = Vec::new();
+        let mut kept = Kept::default();
         let mut pieces = 0;
         let mut pending = vec![Going { line: start, color: DVec3::ONE, way: 0.0, inside: self.around(start.o), level: 0, band: None }];
         while let Some(going) = pending.pop() {
@@ -200,20 +300,33 @@ impl ClassicWorld {
             if pieces > MOST_PIECES {
                 break;
             }
-            let Some(hit) = self.world.nearest(&going.line, NEAR, f64::INFINITY, RayKind::Photon) else { continue };
+            let hit = self.world.nearest(&going.line, NEAR, f64::INFINITY, RayKind::Photon);
+            let length = hit.as_ref().map_or(atmosphere::FAR, |h| h.t);
+            if going.level > 0 && settings.media > 0 {
+                self.leave_in_media(aim, &shot, &going, length, settings, &mut kept.media);
+            }
+            let Some(hit) = hit else { continue };
             let way = going.way + hit.t;
+            let mut color = going.color * inner_attenuation(&going.inside, hit.object, hit.t);
+            if going.inside.iter().all(|w| w.hollow) {
+                for interior in going.inside.iter().filter_map(|w| w.interior.as_ref()).filter(|i| !i.media.is_empty()) {
+                    color *= self.media_passing(&interior.media, &going.line, [0.0, hit.t]);
+                }
+            }
+            let photons = &hit.object.photons;
+            let met = self.met(&hit, &going);
+            if going.level == 0 && passes_through(photons) {
+                let inside = beyond(&going.inside, &hit, None, going.band).0;
+                let line = Line { o: hit.p, d: going.line.d };
+                pending.push(Going { line, color: color * met.passing, way, inside, ..going });
+                continue;
+            }
             if going.level == 0 && !aim.target.leaves.contains(&hit.leaf) {
                 continue;
             }
-            let color = going.color * inner_attenuation(&going.inside, hit.object, hit.t);
-            let photons = &hit.object.photons;
-            if photons.pass_through {
-                let inside = beyond(&going.inside, &hit, None, going.band).0;
-                let line = Line { o: hit.p, d: going.line.d };
-                pending.push(Going { line, color, way, inside, ..going });
-                continue;
+            if going.level > 0 && !photons.no_collect {
+                kept.has_come = true;
             }
-            let met = self.met(&hit, &going);
             if going.level > 0 && met.scatters && !photons.no_collect {
                 let power = if light.parallel {
                     lamp.color(light.location, hit.p) * share
@@ -223,24 +336,22 @@ impl ClassicWorld {
                 let power = (power * color).as_vec3().max(Vec3::ZERO);
                 if power.is_finite() && power != Vec3::ZERO && hit.p.as_vec3().is_finite() {
                     let (from, ng) = ((-going.line.d).as_vec3(), self.world.geometric_normal(&hit).as_vec3());
-                    kept.push(Photon::new(hit.p.as_vec3(), from, ng, Spectrum::from_rgb(power.to_array()), 0, 1, Route::Caustic));
+                    kept.surfaces.push(Photon::new(hit.p.as_vec3(), from, ng, Spectrum::from_rgb(power.to_array()), 0, 1, Route::Caustic));
                 }
             }
             if going.level + 1 >= most {
                 continue;
             }
-            let reflects = photons.reflection == Some(true) && light.photon_reflection != Some(false);
-            let refracts = photons.refraction == Some(true) && light.photon_refraction != Some(false);
             let next = |d: DVec3, color: DVec3, inside: Stack, band: Option<f64>| {
                 let line = Line { o: hit.p, d: d.normalize_or(going.line.d) };
                 Going { line, color, way, inside, level: going.level + 1, band }
             };
             let d = going.line.d;
             let mirrored = d - met.normal * (2.0 * d.dot(met.normal));
-            if reflects && peak(color * met.mirror) > bailout {
+            if reflects(photons, lamp) && peak(color * met.mirror) > bailout {
                 pending.push(next(mirrored, color * met.mirror, going.inside.clone(), going.band));
             }
-            if !refracts || !(peak(color * met.passing) > bailout) {
+            if !refracts(photons, lamp) || !(peak(color * met.passing) > bailout) {
                 continue;
             }
             let splits = hit.object.interior.as_ref().filter(|i| going.band.is_none() && i.dispersion != 1.0);
@@ -260,6 +371,37 @@ impl ClassicWorld {
             }
         }
         kept
+    }
+
+    /// Leaves photons along a part of a photon's way, where it is inside of media that collect them.
+    fn leave_in_media(&self, aim: &Aim<'_>, shot: &Shot, going: &Going, length: f64, settings: &Photons, kept: &mut Vec<Photon>) {
+        if !collect_photons(&going.inside) {
+            return;
+        }
+        let (lamp, start) = (aim.lamp, shot.line.o);
+        let light = &lamp.light;
+        // As far apart as photons are when they enter.
+        let spread = if light.parallel { 1.0 } else { going.way / (aim.middle - start).length().max(1e-12) };
+        let spacing = aim.spacing * settings.media_factor.abs().max(1e-3) * spread;
+        let most = (settings.media as usize).min(MOST_IN_MEDIA.saturating_sub(kept.len()));
+        let steps = (length / spacing).ceil().min(most as f64);
+        let step = length / steps;
+        let from = (-going.line.d).as_vec3();
+        let shift = hash(shot.number, going.level);
+        for k in 0..steps as u32 {
+            let t = (f64::from(k) + shift) * step;
+            let way = going.way + t;
+            let power = if light.parallel {
+                lamp.color(light.location, going.line.at(t)) * (shot.share * step)
+            } else {
+                // One measure of the width too many, but so it is (measured to 0.1 %).
+                lamp.color(start, start + shot.line.d * way) * (shot.share * way * way * step * way / going.way)
+            };
+            let (p, power) = (going.line.at(t).as_vec3(), (power * going.color).as_vec3().max(Vec3::ZERO));
+            if power.is_finite() && power != Vec3::ZERO && p.is_finite() {
+                kept.push(Photon::new(p, from, from, Spectrum::from_rgb(power.to_array()), 0, 1, Route::Caustic));
+            }
+        }
     }
 
     /// What a surface does with a photon.

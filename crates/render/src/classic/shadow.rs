@@ -27,33 +27,35 @@ struct Pass {
     hollow: bool,
 }
 
+/// A point that light is to reach.
+#[derive(Clone, Copy)]
+pub(super) struct Receiver<'i> {
+    pub(super) p: DVec3,
+    /// What the ray that found it was inside of.
+    pub(super) inside: &'i Stack,
+    /// Shadows of photons' targets are left to the photons.
+    pub(super) by_photons: bool,
+}
+
 impl<'a> Tracer<'a, '_> {
-    /// The color of a lamp at a point, after shadows: from its whole area, averaged. `towards` is [`Lamp::towards`] of the point, `inside`
-    /// what the ray that found the point was inside of.
-    pub(super) fn lamp_color(&mut self, lamp: &Lamp, p: DVec3, towards: (DVec3, f64), inside: &Stack) -> DVec3 {
-        let color = lamp.color(lamp.light.location, p);
+    /// The color of a lamp at a point, after shadows: from its whole area, averaged. `towards` is [`Lamp::towards`] of the point.
+    pub(super) fn lamp_color(&mut self, lamp: &Lamp, lit: Receiver<'_>, towards: (DVec3, f64)) -> DVec3 {
+        let color = lamp.color(lamp.light.location, lit.p);
         if peak(color.abs()) == 0.0 {
             return DVec3::ZERO;
         }
         let passing = match &lamp.light.area {
-            Some(_) if !lamp.light.shadowless => self.area_passing(lamp, p, inside),
-            _ => self.passing(lamp, lamp.outlook.as_ref(), p, towards, inside),
+            Some(_) if !lamp.light.shadowless => self.area_passing(lamp, lit),
+            _ => self.passing(lamp, lamp.outlook.as_ref(), lit, towards),
         };
         color * passing
     }
 
     /// The share of a lamp's light, color by color, that arrives at a point from one of the lamp's places, in a direction and from a
     /// distance; `outlook` is that of the place, where there is one.
-    pub(super) fn passing(
-        &mut self,
-        lamp: &Lamp,
-        outlook: Option<&Outlook>,
-        p: DVec3,
-        (d, mut distance): (DVec3, f64),
-        inside: &Stack,
-    ) -> DVec3 {
+    pub(super) fn passing(&mut self, lamp: &Lamp, outlook: Option<&Outlook>, lit: Receiver<'_>, (d, mut distance): (DVec3, f64)) -> DVec3 {
         let world: &'a ClassicWorld = self.world;
-        let line = Line { o: p, d };
+        let line = Line { o: lit.p, d };
         if let Some(gate) = &lamp.gate {
             // What is beyond the gate, seen from the lit point, does not matter.
             match gate.nearest(&line, NEAR, distance, RayKind::Photon) {
@@ -73,7 +75,7 @@ impl<'a> Tracer<'a, '_> {
         let mut dark = false;
         let outlook = outlook.filter(|_| lamp.gate.is_none());
         let blocked = world.world.shadow(outlook, &line, NEAR, distance - NEAR, &lamp.last_blocker, &mut |hit| {
-            if world.has_photons && takes_shadow(&hit.object.photons, lamp) {
+            if lit.by_photons && takes_shadow(&hit.object.photons, lamp) {
                 dark = true;
                 return false;
             }
@@ -100,7 +102,7 @@ impl<'a> Tracer<'a, '_> {
             return passing;
         }
         passes.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let mut within: Vec<Identity> = inside.iter().map(|w| w.identity).collect();
+        let mut within: Vec<Identity> = lit.inside.iter().map(|w| w.identity).collect();
         let mut last = 0.0;
         for (i, pass) in passes.iter().enumerate() {
             passing *= pass.color;
@@ -130,10 +132,10 @@ impl<'a> Tracer<'a, '_> {
     }
 
     /// The mean of [`Tracer::passing`] over an area light: its whole grid, or with `adaptive` as much of it as differs.
-    fn area_passing(&mut self, lamp: &Lamp, p: DVec3, inside: &Stack) -> DVec3 {
+    fn area_passing(&mut self, lamp: &Lamp, lit: Receiver<'_>) -> DVec3 {
         let Some(area) = lamp.light.area else { return DVec3::ONE };
         let [m, n] = area.size.map(|s| s as usize);
-        let mut grid = Grid { lamp, p, inside, size: [m, n], seen: vec![None; m * n], area };
+        let mut grid = Grid { lamp, lit, size: [m, n], seen: vec![None; m * n], area };
         match area.adaptive {
             Some(level) if m > 1 && n > 1 && level < 16 => self.quarter(&mut grid, [0.0, 0.0], [m as f64 - 1.0, n as f64 - 1.0], level),
             _ => {
@@ -174,8 +176,8 @@ impl<'a> Tracer<'a, '_> {
             return seen;
         }
         let jitter = if grid.area.jitter { self.jitter() } else { DVec2::ZERO };
-        let location = grid.lamp.place(&grid.area, i as f64, j as f64, jitter, grid.p);
-        let passing = self.passing(grid.lamp, None, grid.p, grid.lamp.towards_from(location, grid.p), grid.inside);
+        let location = grid.lamp.place(&grid.area, i as f64, j as f64, jitter, grid.lit.p);
+        let passing = self.passing(grid.lamp, None, grid.lit, grid.lamp.towards_from(location, grid.lit.p));
         grid.seen[slot] = Some(passing);
         passing
     }
@@ -185,8 +187,7 @@ impl<'a> Tracer<'a, '_> {
 struct Grid<'l> {
     lamp: &'l Lamp,
     area: etendue_scene::desc::classic::AreaLight,
-    p: DVec3,
-    inside: &'l Stack,
+    lit: Receiver<'l>,
     size: [usize; 2],
     seen: Vec<Option<DVec3>>,
 }

@@ -6,6 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
 use super::refract::{Stack, band_color, beyond, refracted};
+use super::shadow::Receiver;
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, RayKind, SolidHit};
@@ -220,6 +221,7 @@ impl<'a> Tracer<'a, '_> {
         let photons = match (&self.world.photons, place.photons) {
             (None, _) => DVec3::ZERO,
             (_, Some(known)) => known,
+            _ if place.hit.object.photons.no_collect => DVec3::ZERO,
             (Some(photons), None) => photons.light(place.hit.p, place.n),
         };
         place.photons = Some(photons);
@@ -264,7 +266,8 @@ impl<'a> Tracer<'a, '_> {
     fn lights(&mut self, place: &mut Place<'a, '_>) {
         place.knows_lights = true;
         let (world, hit, n): (&'a ClassicWorld, _, _) = (self.world, place.hit, place.n);
-        let inside = place.ray.inside;
+        let by_photons = world.photons.is_some() && !hit.object.photons.no_collect;
+        let receiver = Receiver { p: hit.p, inside: place.ray.inside, by_photons };
         let lights = &mut place.lights;
         let object = hit.object;
         let set = world.lamps_of_group.get(object.light_group as usize).or(world.lamps_of_group.first());
@@ -284,14 +287,14 @@ impl<'a> Tracer<'a, '_> {
                         let location = lamp.place(&area, f64::from(i), f64::from(j), jitter, hit.p);
                         let towards = lamp.towards_from(location, hit.p);
                         if self.can_light(hit, n, towards.0) {
-                            add(towards.0, lamp.color(location, hit.p) * self.passing(lamp, None, hit.p, towards, inside) * share);
+                            add(towards.0, lamp.color(location, hit.p) * self.passing(lamp, None, receiver, towards) * share);
                         }
                     }
                 }
             } else {
                 let towards = lamp.towards(hit.p);
                 if self.can_light(hit, n, towards.0) {
-                    add(towards.0, self.lamp_color(lamp, hit.p, towards, inside));
+                    add(towards.0, self.lamp_color(lamp, receiver, towards));
                 }
             }
         }
