@@ -2,7 +2,8 @@
 //!
 //! How many samples are taken where was measured on media whose density is a step: with method 3 a ray is cut at j / (n + 1), n = ⌊samples
 //! / 2⌋ + 1 ≥ 2; each of the n pieces is the mean of its ends and its middle, halved again while they differ, and light that was given before
-//! is not weakened by the piece's own extinction.
+//! is not weakened by the piece's own extinction. Shadow rays take the same samples, but halve nothing. Where several media share a space
+//! each scatters by the mean of all their phase functions, those that do not scatter counted as isotropic (measured).
 
 use etendue_procedural::fns;
 use etendue_scene::desc::classic::{LightKind, Media, Scattering};
@@ -116,7 +117,7 @@ impl Tracer<'_, '_> {
         passing: &mut DVec3,
     ) {
         if rule.method == 3 {
-            let n = (samples / 2 + 1).clamp(2, 10_000);
+            let n = three_point_pieces(samples);
             let spacing = length / f64::from(n + 1);
             let shift = if rule.jitter != 0.0 { rule.jitter * (f64::from(self.stream.next_1d()) - 0.5) } else { 0.0 };
             let at = |j: u32| from + (f64::from(j) + shift).max(0.0) * spacing;
@@ -133,11 +134,7 @@ impl Tracer<'_, '_> {
             let n = samples.clamp(1, 10_000);
             let step = length / f64::from(n);
             for k in 0..n {
-                let u = match rule.method {
-                    1 => f64::from(self.stream.next_1d()),
-                    _ if rule.jitter != 0.0 => 0.5 + rule.jitter * (f64::from(self.stream.next_1d()) - 0.5),
-                    _ => 0.5,
-                };
+                let u = offset(rule, &mut || f64::from(self.stream.next_1d()));
                 let place = self.place(line.at(from + (f64::from(k) + u) * step), line.d, around);
                 *added += *passing * place.given * step;
                 *passing *= exponential(place.taken * -step);
@@ -161,7 +158,7 @@ impl Tracer<'_, '_> {
     fn place(&mut self, p: DVec3, d: DVec3, around: &Around<'_>) -> Place {
         let world = self.world;
         let mut out = Place::default();
-        let mut light = None;
+        let (mut scatters, mut scattering_density) = (DVec3::ZERO, DVec3::ZERO);
         for &m in &around.media {
             let density = world.density(m, p);
             out.given += m.emission * density;
@@ -169,20 +166,19 @@ impl Tracer<'_, '_> {
             if m.emission != DVec3::ZERO {
                 out.varying += density;
             }
-            let Some(scattering) = &m.scattering else { continue };
-            out.taken += scattering.color * scattering.extinction * density;
-            if density == DVec3::ZERO {
-                continue;
+            if let Some(scattering) = &m.scattering {
+                out.taken += scattering.color * scattering.extinction * density;
+                scatters += scattering.color * density;
+                scattering_density += density;
             }
-            if light.is_none() {
-                light = Some(self.lamps_at(p, around));
-            }
-            let mut scattered = DVec3::ZERO;
-            for (towards, color) in light.iter().flatten() {
-                scattered += *color * phase(scattering, d.dot(*towards));
-            }
-            out.given += scattering.color * density * scattered;
-            out.varying += density * scattered;
+        }
+        if scattering_density != DVec3::ZERO {
+            let phases = |cos: f64| around.media.iter().map(|m| m.scattering.as_ref().map_or(1.0, |s| phase(s, cos))).sum::<f64>();
+            let scattered =
+                self.lamps_at(p, around).iter().fold(DVec3::ZERO, |sum, (towards, color)| sum + *color * phases(d.dot(*towards)))
+                    / around.media.len() as f64;
+            out.given += scatters * scattered;
+            out.varying += scattering_density * scattered;
         }
         out
     }
@@ -227,19 +223,42 @@ impl ClassicWorld {
         media.densities.iter().fold(DVec3::ONE, |product, d| product * d.color(&context).rgb)
     }
 
-    /// What media let through of a light's color between two places of a ray.
-    pub(super) fn media_passing(&self, media: &[Media], line: &Line, t: [f64; 2]) -> DVec3 {
-        let length = (t[1] - t[0]).clamp(0.0, atmosphere::FAR);
+    /// What media let through of light between two places of a ray; `random` gives numbers in [0, 1).
+    pub(super) fn media_passing(&self, media: &[&Media], line: &Line, [from, to]: [f64; 2], random: &mut impl FnMut() -> f64) -> DVec3 {
+        let length = (to - from).clamp(0.0, atmosphere::FAR);
+        let taken = |m: &Media| m.absorption + m.scattering.map_or(DVec3::ZERO, |s| s.color * s.extinction);
+        if media.iter().all(|m| m.densities.is_empty() || taken(m) == DVec3::ZERO) {
+            return exponential(media.iter().fold(DVec3::ZERO, |sum, m| sum + taken(m)) * -length);
+        }
+        let Some(rule) = media.first() else { return DVec3::ONE };
+        let samples = media.iter().map(|m| m.samples[0]).max().unwrap_or(1);
+        let intervals = media.iter().map(|m| m.intervals).max().unwrap_or(1).clamp(1, 10_000);
+        let piece = length / f64::from(intervals);
+        let place = |t: f64| {
+            let p = line.at(t);
+            media.iter().filter(|m| taken(m) != DVec3::ZERO).fold(DVec3::ZERO, |sum, m| sum + taken(m) * self.density(m, p))
+        };
         let mut depth = DVec3::ZERO;
-        for m in media {
-            let taken = m.absorption + m.scattering.map_or(DVec3::ZERO, |s| s.color * s.extinction);
-            if taken == DVec3::ZERO {
-                continue;
+        for k in 0..intervals {
+            let from = from + f64::from(k) * piece;
+            if rule.method == 3 {
+                let n = three_point_pieces(samples);
+                let spacing = piece / f64::from(n + 1);
+                let shift = if rule.jitter != 0.0 { rule.jitter * (random() - 0.5) } else { 0.0 };
+                let at = |j: f64| from + (j + shift).max(0.0) * spacing;
+                let mut a = place(at(0.0));
+                for j in 0..n {
+                    let b = place(at(f64::from(j + 1)));
+                    depth += (a + place(at(f64::from(j) + 0.5)) + b) * (piece / f64::from(3 * n));
+                    a = b;
+                }
+            } else {
+                let n = samples.clamp(1, 10_000);
+                let step = piece / f64::from(n);
+                for j in 0..n {
+                    depth += place(from + (f64::from(j) + offset(rule, random)) * step) * step;
+                }
             }
-            let n = if m.densities.is_empty() { 1 } else { (m.samples[0] / 2 + 1).clamp(2, 64) * m.intervals.clamp(1, 8) };
-            let step = length / f64::from(n);
-            let density = (0..n).fold(DVec3::ZERO, |sum, k| sum + self.density(m, line.at(t[0] + (f64::from(k) + 0.5) * step)));
-            depth += taken * density * step;
         }
         exponential(-depth)
     }
@@ -255,6 +274,20 @@ impl ClassicWorld {
         }
         cuts.sort_by(f64::total_cmp);
         cuts.dedup();
+    }
+}
+
+/// How many pieces of three samples method 3 makes of an interval.
+fn three_point_pieces(samples: u32) -> u32 {
+    (samples / 2 + 1).clamp(2, 10_000)
+}
+
+/// Where in its step a sample of methods 1 and 2 is.
+fn offset(rule: &Media, random: &mut impl FnMut() -> f64) -> f64 {
+    match rule.method {
+        1 => random(),
+        _ if rule.jitter != 0.0 => 0.5 + rule.jitter * (random() - 0.5),
+        _ => 0.5,
     }
 }
 

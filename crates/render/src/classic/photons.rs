@@ -14,7 +14,7 @@
 //! nor weaken any. Surfaces and media that refuse photons are lit through targets as through anything transparent.
 
 use etendue_procedural::{Context, fns};
-use etendue_scene::desc::classic::{PhotonSettings, Photons};
+use etendue_scene::desc::classic::{Media, PhotonSettings, Photons};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
@@ -309,9 +309,8 @@ impl ClassicWorld {
             let way = going.way + hit.t;
             let mut color = going.color * inner_attenuation(&going.inside, hit.object, hit.t);
             if going.inside.iter().all(|w| w.hollow) {
-                for interior in going.inside.iter().filter_map(|w| w.interior.as_ref()).filter(|i| !i.media.is_empty()) {
-                    color *= self.media_passing(&interior.media, &going.line, [0.0, hit.t]);
-                }
+                let media: Vec<&Media> = going.inside.iter().filter_map(|w| w.interior.as_ref()).flat_map(|i| &i.media).collect();
+                color *= self.media_passing(&media, &going.line, [0.0, hit.t], &mut || 0.5);
             }
             let photons = &hit.object.photons;
             let met = self.met(&hit, &going);

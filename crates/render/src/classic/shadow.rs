@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use etendue_procedural::{Context, Texture, fns};
-use etendue_scene::desc::classic::Interior;
+use etendue_scene::desc::classic::{Interior, Media};
 use glam::{DVec2, DVec3};
 
 use super::light::Lamp;
 use super::photons::takes_shadow;
-use super::refract::{Identity, Stack, attenuation, identity};
+use super::refract::{Identity, Stack, Within, attenuation, identity};
 use super::trace::Tracer;
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, Outlook, RayKind, SolidHit};
@@ -66,10 +66,9 @@ impl<'a> Tracer<'a, '_> {
         let mut passing = DVec3::ONE;
         if lamp.light.media_attenuation {
             passing *= world.fog_passing(&line, distance);
-            passing *= world.media_passing(&world.scene.atmosphere, &line, [0.0, distance]);
         }
         if lamp.light.shadowless || !(distance > NEAR) {
-            return passing;
+            return passing * self.air_passing(lamp, &line, [0.0, distance]);
         }
         let mut passes: Vec<Pass> = Vec::new();
         let mut dark = false;
@@ -99,17 +98,28 @@ impl<'a> Tracer<'a, '_> {
             return DVec3::ZERO;
         }
         if passes.is_empty() {
-            return passing;
+            return passing * self.air_passing(lamp, &line, [0.0, distance]);
         }
         passes.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let mut within: Vec<Identity> = lit.inside.iter().map(|w| w.identity).collect();
+        let own = |w: &'_ Within| (w.identity, w.interior.clone(), w.hollow);
+        let mut within: Vec<_> = lit.inside.iter().map(own).collect();
         let mut last = 0.0;
-        for (i, pass) in passes.iter().enumerate() {
+        for pass in &passes {
             passing *= pass.color;
-            let way = pass.t - std::mem::replace(&mut last, pass.t);
-            let left = within.iter().position(|&identity| identity == pass.identity).map(|at| within.swap_remove(at));
+            let from = std::mem::replace(&mut last, pass.t);
+            if within.iter().all(|(.., hollow)| *hollow) {
+                let mut media: Vec<&Media> =
+                    within.iter().filter_map(|(_, interior, _)| interior.as_ref()).flat_map(|i| &i.media).collect();
+                if lamp.light.media_attenuation {
+                    media.extend(&world.scene.atmosphere);
+                }
+                if !media.is_empty() {
+                    passing *= world.media_passing(&media, &line, [from, pass.t], &mut || f64::from(self.stream.next_1d()));
+                }
+            }
+            let left = within.iter().position(|(identity, ..)| *identity == pass.identity).map(|at| within.swap_remove(at));
             if left.is_none() {
-                within.push(pass.identity);
+                within.push((pass.identity, pass.interior.clone(), pass.hollow));
             }
             let Some(interior) = &pass.interior else { continue };
             if interior.caustics != 0.0 {
@@ -117,18 +127,21 @@ impl<'a> Tracer<'a, '_> {
             }
             // Only ways that end where the light leaves, from the last surface on, and only with a power (all measured).
             if left.is_some() && interior.fade_power > 0.0 {
-                passing *= attenuation(interior, way);
-            }
-            if pass.cos > 0.0 {
-                // The way inside: back to where the ray entered, or to the lit point.
-                let entry = passes[..i].iter().rev().find(|e| e.identity == pass.identity && e.cos < 0.0);
-                let from = entry.map_or(0.0, |e| e.t);
-                if pass.hollow && !interior.media.is_empty() {
-                    passing *= world.media_passing(&interior.media, &line, [from, pass.t]);
-                }
+                passing *= attenuation(interior, pass.t - from);
             }
         }
-        passing
+        // Interiors in which the light itself is do not weaken it (measured).
+        passing * self.air_passing(lamp, &line, [last, distance])
+    }
+
+    /// What atmospheric media let through of a lamp that they weaken.
+    fn air_passing(&mut self, lamp: &Lamp, line: &Line, t: [f64; 2]) -> DVec3 {
+        let air = &self.world.scene.atmosphere;
+        if air.is_empty() || !lamp.light.media_attenuation {
+            return DVec3::ONE;
+        }
+        let media: Vec<&Media> = air.iter().collect();
+        self.world.media_passing(&media, line, t, &mut || f64::from(self.stream.next_1d()))
     }
 
     /// The mean of [`Tracer::passing`] over an area light: its whole grid, or with `adaptive` as much of it as differs.
