@@ -298,6 +298,80 @@ fn at(place: [f64; 3], from: &str, scene: &str, expected: f64, tolerance: f64) {
 const REFRACTING: &str = "target refraction on";
 const TRANSPARENT: &str = "pigment { rgbt 1 } finish { ambient 0 diffuse 0 }";
 
+/// A box with an interior around the origin, before a black wall.
+fn clear_box(half: f64, interior: &str) -> String {
+    format!("box {{ -{half}, {half} hollow {TRANSPARENT} interior {{ {interior} }} }}\n")
+}
+
+#[test]
+fn media_that_share_a_space_scatter_alike() {
+    // The angle of the light to the camera's axis is 30 degrees.
+    let light = "light_source { <500, 0, 866.0254> rgb 1 parallel point_at 0 }";
+    let medium = |kind: u32, color: f64| format!("media {{ scattering {{ {kind}, {color} extinction 0 }} }}");
+    let seen = |things: String, value: f64| is(&format!("{light}{things}"), [value; 3]);
+    let [mie, rayleigh] = [medium(2, 0.02), medium(4, 0.02)];
+    seen(clear_box(1.0, &mie), 0.14228);
+    seen(clear_box(1.0, &rayleigh), 0.05595);
+    seen(clear_box(1.0, &format!("{mie}{rayleigh}")), 0.19823);
+    seen(clear_box(1.0, &format!("{}{}", medium(4, 0.03), medium(2, 0.01))), 0.19823);
+    // Media count that scatter nothing: by no color, or not at all.
+    seen(clear_box(1.0, &format!("{mie}{}", medium(4, 0.0))), 0.09912);
+    seen(clear_box(1.0, &format!("media {{ absorption 0 }} {mie}")), 0.09114);
+    seen(clear_box(1.0, &mie) + &clear_box(1.5, &rayleigh), 0.22621);
+}
+
+#[test]
+fn media_are_halved_where_their_light_differs() {
+    // The light ends at z = .4, between two samples: 2/3 of the piece is lit, or 5/6 where it is halved.
+    let seen = |light: &str, medium: &str, threshold: f64, value: f64| {
+        let medium = format!("media {{ {medium} method 3 samples 4 intervals 1 aa_level 2 aa_threshold {threshold} }}");
+        let scene = format!(
+            "light_source {{ <0, 1000, 0> rgb {light} parallel point_at 0 }} box {{ <-2, 3, .4>, <2, 3.1, 9> pigment {{ rgb 0 }} }} {}",
+            clear_box(1.0, &medium)
+        );
+        assert!((f64::from(pixel(&scene)[0]) - value).abs() < 2e-5, "{scene}: {:?}", pixel(&scene));
+    };
+    let whole = |l: f64| 0.04 * l * (2.0 + 2.0 / 3.0) / 3.0;
+    let halved = |l: f64| 0.04 * l * (2.0 + 5.0 / 6.0) / 3.0;
+    let scatters = "scattering { 1, .02 extinction 0 }";
+    // Differences are sums of the colors' over the whole interval: .02 · 2 · 3.
+    for (light, l, limit) in [("1", 1.0, 0.12), (".5", 0.5, 0.06), ("<1, 0, 0>", 1.0, 0.04), ("<1, 1, 0>", 1.0, 0.08)] {
+        seen(light, scatters, limit * 0.99, halved(l));
+        seen(light, scatters, limit * 1.01, whole(l));
+    }
+}
+
+#[test]
+fn shadow_rays_sample_media_part_by_part() {
+    // A floor below a medium that begins at a height h: what is taken is the sum of the weights of the samples above.
+    let lit = |h: f64, rule: &str, more: &str| {
+        let medium = format!("media {{ absorption 1 {rule} density {{ function {{ select(y - {h}, 0, 1) }} }} }}");
+        let scene = format!(
+            "{HEAD} camera {{ orthographic location <.5, -.2, 0> direction -y right .01*x up .01*z }}
+            light_source {{ <.5, 1000, 0> rgb 1 parallel point_at <.5, 0, 0> }} plane {{ y, -.5 pigment {{ rgb 1 }} finish {{ ambient 0 diffuse 1 }} }}
+            box {{ <-.5, 0, -1>, <1.5, 1, 1> hollow {TRANSPARENT} interior {{ {medium} }} }} {more}"
+        );
+        -f64::from(picture(&scene, [1, 1])[0][0]).ln()
+    };
+    let takes = |h: f64, rule: &str, more: &str, taken: f64| {
+        let got = lit(h, rule, more);
+        assert!((got - taken).abs() < 1e-5, "{got} is not {taken}: {rule} from {h}");
+    };
+    let ninth = 1.0 / 9.0;
+    for (h, parts) in [(0.1, 8.0), (0.2, 7.0), (0.3, 5.0), (0.4, 4.0), (0.55, 2.0), (0.7, 1.0), (0.8, 0.0)] {
+        takes(h, "method 3 samples 4 intervals 1 aa_level 6 aa_threshold .001", "", parts * ninth);
+    }
+    for (h, parts) in [(0.1, 4.0), (0.2, 3.0), (0.5, 2.0), (0.7, 1.0), (0.9, 0.0)] {
+        takes(h, "method 2 samples 4 intervals 1", "", parts * 0.25);
+    }
+    // What lies inside divides the way; in what is solid there are no media.
+    let inner = |hollow: &str| format!("box {{ <-.4, .5, -.9>, <1.4, .9, .9> {hollow} {TRANSPARENT} }}");
+    let rule = "method 3 samples 4 intervals 1";
+    takes(0.4, rule, &inner("hollow"), 0.4 + 0.1);
+    takes(0.4, rule, &inner(""), 0.1);
+    takes(0.72, rule, &inner("hollow"), 0.4 * 2.0 * ninth + 0.1);
+}
+
 #[test]
 fn photons_go_where_lamps_and_objects_say() {
     let floor = |items: &str| format!("plane {{ y, -5 pigment {{ rgb 1 }} finish {{ ambient 0 diffuse 1 }} {items} }}\n");

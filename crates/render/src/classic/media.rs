@@ -21,22 +21,16 @@ use crate::solid::Line;
 struct Place {
     given: DVec3,
     taken: DVec3,
-    /// Density by color, for telling whether places differ.
-    varying: DVec3,
 }
 
 impl Place {
     fn mean(a: Self, b: Self, c: Self) -> Self {
         let third = 1.0 / 3.0;
-        Self {
-            given: (a.given + b.given + c.given) * third,
-            taken: (a.taken + b.taken + c.taken) * third,
-            varying: (a.varying + b.varying + c.varying) * third,
-        }
+        Self { given: (a.given + b.given + c.given) * third, taken: (a.taken + b.taken + c.taken) * third }
     }
 
     fn half(a: Self, b: Self) -> Self {
-        Self { given: (a.given + b.given) * 0.5, taken: (a.taken + b.taken) * 0.5, varying: (a.varying + b.varying) * 0.5 }
+        Self { given: (a.given + b.given) * 0.5, taken: (a.taken + b.taken) * 0.5 }
     }
 }
 
@@ -125,7 +119,7 @@ impl Tracer<'_, '_> {
             let mut a = self.place(line.at(at(0)), line.d, around);
             for j in 0..n {
                 let b = self.place(line.at(at(j + 1)), line.d, around);
-                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], around, rule, 1);
+                let piece = self.refine(line, [at(j), at(j + 1)], [a, b], around, rule, length, 1);
                 *added += *passing * piece.given * step;
                 *passing *= exponential(piece.taken * -step);
                 a = b;
@@ -142,16 +136,27 @@ impl Tracer<'_, '_> {
         }
     }
 
-    /// The mean of a piece: of its ends and its middle, or of its halves where those differ.
-    fn refine(&mut self, line: &Line, t: [f64; 2], ends: [Place; 2], around: &Around<'_>, rule: &Media, level: u32) -> Place {
+    /// The mean of a piece: of its ends and its middle, or of its halves where the light that they would give over the whole interval differs
+    /// by more than the threshold, summed over the colors (measured).
+    #[expect(clippy::too_many_arguments, reason = "private and recursive")]
+    fn refine(
+        &mut self,
+        line: &Line,
+        t: [f64; 2],
+        ends: [Place; 2],
+        around: &Around<'_>,
+        rule: &Media,
+        interval: f64,
+        level: u32,
+    ) -> Place {
         let middle = 0.5 * (t[0] + t[1]);
         let place = self.place(line.at(middle), line.d, around);
-        let differ = |a: &Place| peak((a.varying - place.varying).abs()) > rule.aa_threshold;
+        let differ = |a: &Place| (a.given - place.given).abs().element_sum() * interval > rule.aa_threshold;
         if level >= rule.aa_level || !(differ(&ends[0]) || differ(&ends[1])) {
             return Place::mean(ends[0], place, ends[1]);
         }
-        let a = self.refine(line, [t[0], middle], [ends[0], place], around, rule, level + 1);
-        let b = self.refine(line, [middle, t[1]], [place, ends[1]], around, rule, level + 1);
+        let a = self.refine(line, [t[0], middle], [ends[0], place], around, rule, interval, level + 1);
+        let b = self.refine(line, [middle, t[1]], [place, ends[1]], around, rule, interval, level + 1);
         Place::half(a, b)
     }
 
@@ -163,9 +168,6 @@ impl Tracer<'_, '_> {
             let density = world.density(m, p);
             out.given += m.emission * density;
             out.taken += m.absorption * density;
-            if m.emission != DVec3::ZERO {
-                out.varying += density;
-            }
             if let Some(scattering) = &m.scattering {
                 out.taken += scattering.color * scattering.extinction * density;
                 scatters += scattering.color * density;
@@ -178,7 +180,6 @@ impl Tracer<'_, '_> {
                 self.lamps_at(p, around).iter().fold(DVec3::ZERO, |sum, (towards, color)| sum + *color * phases(d.dot(*towards)))
                     / around.media.len() as f64;
             out.given += scatters * scattered;
-            out.varying += scattering_density * scattered;
         }
         out
     }
