@@ -441,3 +441,30 @@ fn photons_light_media() {
     let air = format!("media {{ {glow} }} box {{ <-90, -90, 1>, <90, 90, 2> pigment {{ rgb 0 }} }}");
     at([0.0, 2.0, 0.0], "-z*5", &below_a_target(photons, "", REFRACTING, &air), 0.06833, 0.01);
 }
+
+#[test]
+fn photons_shine_as_lamps_do() {
+    let seen = |light: &str, finish: &str, normal: &str, value: f64, tolerance: f64| {
+        let scene = format!(
+            "global_settings {{ photons {{ spacing .05 }} }} light_source {{ {light}, rgb 1 }}
+            box {{ <-4, 0, -4>, <4, .1, 4> pigment {{ rgbf 1 }} finish {{ ambient 0 diffuse 0 }} interior {{ ior 1 }}
+                photons {{ target refraction on collect off }} }}
+            plane {{ y, -1 pigment {{ rgb .5 }} finish {{ ambient 0 {finish} }} {normal} }}"
+        );
+        at([0.3, -1.0, 0.2], "y*.5", &scene, value, tolerance);
+    };
+    let low = "<-1600, 500, 0>";
+    for (finish, value) in [
+        ("diffuse 1", 0.1501),
+        ("diffuse 1 brilliance .5", 0.2776),
+        ("diffuse 1 brilliance 2", 0.0439),
+        ("diffuse 0 specular .5 roughness .5", 0.3317),
+        ("diffuse 0 specular .5 roughness .5 metallic", 0.1892),
+        ("diffuse 1 irid { .5 thickness .3 }", 0.0793),
+    ] {
+        seen(low, finish, "", value, 0.08);
+    }
+    for (slope, value) in [(0.3, 0.44), (0.7, 0.395), (1.5, 0.325), (3.0, 0.247), (8.0, 0.132)] {
+        seen("<-10, 10000, 0>", "diffuse 1", &format!("normal {{ function {{ z }} {slope} }}"), value, 0.04);
+    }
+}

@@ -40,6 +40,10 @@ const MOST_KEPT: usize = 30_000_000;
 /// Most pieces that one photon may break into.
 const MOST_PIECES: u32 = 2000;
 
+/// Photons that graze a surface more than this count as if by this cosine.
+const LEAST_COS: f64 = 0.01;
+/// How much nearer photons must be across a bumped surface than along it.
+const FLATNESS: f64 = 4.5;
 /// Most photons that one photon may leave in media.
 const MOST_IN_MEDIA: usize = 10_000;
 /// Enough for any spacing that fits into memory at all.
@@ -142,18 +146,24 @@ impl PhotonLight {
         Some(Self { surfaces, media })
     }
 
-    /// Light of the photons that fall on the side of `n`, as much as a lamp of that color would send straight down.
-    pub(super) fn light(&self, p: DVec3, n: DVec3) -> DVec3 {
+    /// Gives the photons that fall on the side of `n`: where each came from, and the color of a lamp that would bring as much light.
+    pub(super) fn lights(&self, p: DVec3, n: DVec3, mut give: impl FnMut(DVec3, DVec3)) {
         let n = n.as_vec3();
         let accept = |photon: &Photon| photon.from().dot(n) > 0.0 && photon.normal().dot(n) > 0.3;
         let mut found = Neighbors::new();
         let Nearby { tree, gather, radius } = &self.surfaces;
         let square = tree.nearest(p.as_vec3(), *gather, *radius, accept, &mut found);
-        let mut sum = Vec3::ZERO;
-        for (_, index) in &found {
-            sum += Vec3::from_array(tree.photon(*index).power().rgb());
+        if !(square > 0.0) {
+            return;
         }
-        if square > 0.0 { sum.as_dvec3() / (PI * f64::from(square)) } else { DVec3::ZERO }
+        let density = 1.0 / (PI * f64::from(square));
+        for (_, index) in &found {
+            let photon = tree.photon(*index);
+            let from = photon.from();
+            // A lamp's light is spread over a slanted surface, a photon's already is.
+            let cos = f64::from(from.dot(photon.normal())).max(LEAST_COS);
+            give(from.as_dvec3(), Vec3::from_array(photon.power().rgb()).as_dvec3() * (density / cos));
+        }
     }
 
     /// Adds the light of the photons around a place in media: the direction to where each came from, and what a lamp there would be.
@@ -204,6 +214,23 @@ fn reflects(photons: &PhotonSettings, lamp: &Lamp) -> bool {
 /// Whether photons on their way to a target go straight through an object: not if it is one that is told to refract them (measured).
 fn passes_through(photons: &PhotonSettings) -> bool {
     photons.pass_through && !(photons.target.is_some() && photons.refraction == Some(true))
+}
+
+/// The share of the photons on a flat surface that the search finds about a bumped normal, by the cosine between the two.
+///
+/// Light on bumps of 0.8 to 22 degrees is as if a photon at the distance d counted as one at √(d² + 4.5 d |d · n|), n the bumped normal: the
+/// mean of 1 / (1 + a |cos φ|) over all directions φ on the surface, a 4.5 times the sine (POV-Ray's pictures to 0.02).
+pub(super) fn photons_found_on(cos: f64) -> f64 {
+    let a = FLATNESS * (1.0 - (cos * cos).min(1.0)).sqrt();
+    let square = 1.0 - a * a;
+    let quotient = if square.abs() < 1e-6 {
+        1.0
+    } else if square > 0.0 {
+        fns::acos(a) / square.sqrt()
+    } else {
+        fns::acosh(a) / (-square).sqrt()
+    };
+    quotient * 2.0 / PI
 }
 
 /// A number in [0, 1) of two others: the jitter of a photon (Mueller's 32-bit integer hash).
@@ -423,7 +450,7 @@ impl ClassicWorld {
                         met.normal = bent;
                     }
                     met.old = met.old.or(finish.old_interior.ior);
-                    met.scatters |= finish.diffuse != 0.0;
+                    met.scatters |= finish.diffuse != 0.0 || finish.phong != 0.0 || finish.specular != 0.0;
                     let ior = if finish.reflection.fresnel { beyond(&going.inside, hit, met.old, going.band).1 } else { 1.0 };
                     let mirror = reflectance(&finish.reflection, (-bent.dot(d)).clamp(0.0, 1.0), ior, pigment.rgb);
                     met.mirror += passing * mirror;
@@ -445,7 +472,7 @@ struct Met {
     passing: DVec3,
     /// Against the photon.
     normal: DVec3,
-    /// It has a diffuse part.
+    /// It has a diffuse part or highlights.
     scatters: bool,
     /// Index of refraction that the texture gives, as in old scenes.
     old: Option<f64>,

@@ -5,6 +5,7 @@ use etendue_procedural::{Color, Context, Finish, Layer};
 use glam::{DVec2, DVec3};
 
 use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
+use super::photons::photons_found_on;
 use super::refract::{Stack, band_color, beyond, refracted};
 use super::shadow::Receiver;
 use super::trace::{First, Ray, Traced, Tracer};
@@ -55,8 +56,6 @@ struct Place<'a, 'h> {
     knows_lights: bool,
     /// Light of surfaces around, once it is known.
     around: Option<DVec3>,
-    /// Light of photons, once it is known.
-    photons: Option<DVec3>,
 }
 
 /// A light as it arrives.
@@ -65,6 +64,7 @@ struct Lit {
     d: DVec3,
     color: DVec3,
     highlights: bool,
+    is_photon: bool,
 }
 
 /// Most layers of a texture whose mirrors count.
@@ -91,7 +91,7 @@ impl<'a> Tracer<'a, '_> {
                 leaf: hit.leaf,
             });
         }
-        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: Few::new(), knows_lights: false, around: None, photons: None };
+        let mut place = Place { ray, hit, n, view: -ray.line.d, lights: Few::new(), knows_lights: false, around: None };
         // Most surfaces have one texture of one stack.
         if let Some(layers) = world.world.only_layers(hit, back) {
             return self.stack(&mut place, &Stacked { weight: 1.0, layers, p: hit.p, normal: n, uv: hit.uv });
@@ -218,15 +218,9 @@ impl<'a> Tracer<'a, '_> {
         if !place.knows_lights {
             self.lights(place);
         }
-        let photons = match (&self.world.photons, place.photons) {
-            (None, _) => DVec3::ZERO,
-            (_, Some(known)) => known,
-            _ if place.hit.object.photons.no_collect => DVec3::ZERO,
-            (Some(photons), None) => photons.light(place.hit.p, place.n),
-        };
-        place.photons = Some(photons);
         let both = place.hit.object.double_illuminate;
-        let mut sum = if scatters { photons * pigment.rgb * (finish.diffuse * opacity) } else { DVec3::ZERO };
+        let photons_found = photons_found_on(n.dot(place.n));
+        let mut sum = DVec3::ZERO;
         let settings = self.world.settings();
         let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
         let wavelengths = settings.irid_wavelength;
@@ -242,7 +236,7 @@ impl<'a> Tracer<'a, '_> {
                     back + if both { diffuse(finish, finish.diffuse, (-cos).max(0.0)) } else { 0.0 }
                 };
                 let mut share = share * opacity;
-                if finish.crand > 0.0 && share > 0.0 {
+                if finish.crand > 0.0 && share > 0.0 && !light.is_photon {
                     share = (share - finish.crand * f64::from(self.stream.next_1d())).max(0.0);
                 }
                 answer += light.color * pigment.rgb * share;
@@ -257,12 +251,12 @@ impl<'a> Tracer<'a, '_> {
             if let Some(film) = film {
                 answer *= iridescence(&film, n.dot(light.d), n.dot(place.view), wavelengths);
             }
-            sum += answer;
+            sum += if light.is_photon { answer * photons_found } else { answer };
         }
         sum
     }
 
-    /// Finds all lights that shine on a place, with their colors after shadows.
+    /// Finds all lights that shine on a place, with their colors after shadows; photons are lights.
     fn lights(&mut self, place: &mut Place<'a, '_>) {
         place.knows_lights = true;
         let (world, hit, n): (&'a ClassicWorld, _, _) = (self.world, place.hit, place.n);
@@ -275,7 +269,7 @@ impl<'a> Tracer<'a, '_> {
             let highlights = !lamp.light.shadowless;
             let mut add = |d: DVec3, color: DVec3| {
                 if color != DVec3::ZERO {
-                    lights.push(Lit { d, color, highlights });
+                    lights.push(Lit { d, color, highlights, is_photon: false });
                 }
             };
             if let Some(area) = lamp.light.area.filter(|a| a.illumination) {
@@ -297,6 +291,9 @@ impl<'a> Tracer<'a, '_> {
                     add(towards.0, self.lamp_color(lamp, receiver, towards));
                 }
             }
+        }
+        if let Some(photons) = world.photons.as_ref().filter(|_| by_photons) {
+            photons.lights(hit.p, n, |d, color| lights.push(Lit { d, color, highlights: true, is_photon: true }));
         }
     }
 
