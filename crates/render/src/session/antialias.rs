@@ -7,7 +7,8 @@
 //!
 //! Here the center's sample stands for the middle cell of the grid, and the corners of the grid come first: where none of them
 //! differs from the center by more than the threshold they are enough. An edge between two pixels smooths both, and in one of them there
-//! often is nothing to smooth. That saves a tenth to a fifth of a picture's work; the distance to a picture of 100 samples in each pixel
+//! often is nothing to smooth. What is as thin as a pixel (its center differs from those on both sides) is in its neighbors as well, whatever
+//! their corners show: without that, fields of stars lose two fifths of their light. That saves a tenth to a fifth of a picture's work; the distance to a picture of 100 samples in each pixel
 //! grows by 5% (of the root mean square of 31 scenes, most of which is in pixels that are not smoothed).
 //!
 //! Whether a sample is needed is a function of the scene, the settings and the pixel, so a film holds the same samples whoever
@@ -62,7 +63,7 @@ pub(super) struct Centers {
     /// What the kept numbers are of.
     space: WorkingSpace,
     quick: Quick,
-    /// The pixels that are rendered and those around them, within the picture.
+    /// The pixels that are rendered and two rows around them, within the picture.
     rect: Rect,
     /// Bits of three numbers; [`UNKNOWN`] until they are known. Threads that meet write the same numbers, so that no order matters.
     colors: Vec<[AtomicU32; 3]>,
@@ -71,7 +72,7 @@ pub(super) struct Centers {
 impl Centers {
     /// For the pixels of `crop` in a picture of a size, whose samples are numbers of a space. Takes 12 bytes a pixel.
     pub(super) fn new(antialias: Antialias, space: WorkingSpace, crop: Rect, width: u32, height: u32) -> Self {
-        let rect = Rect::new(crop.x0.saturating_sub(1), crop.y0.saturating_sub(1), (crop.x1 + 1).min(width), (crop.y1 + 1).min(height));
+        let rect = Rect::new(crop.x0.saturating_sub(2), crop.y0.saturating_sub(2), (crop.x1 + 2).min(width), (crop.y1 + 2).min(height));
         let mut colors = Vec::new();
         colors.resize_with(rect.area() as usize, || [const { AtomicU32::new(UNKNOWN) }; 3]);
         Self { antialias, space, quick: Quick::new(space, antialias.threshold), rect, colors }
@@ -99,6 +100,16 @@ impl Centers {
         neighbors.into_iter().any(|(x, y)| {
             let Some(other) = self.color(x, y, &mut trace) else { return false };
             self.is_far(&own, &other)
+        })
+    }
+
+    /// Whether a neighbor's center differs from the pixel's and from the one beyond it: what is there may be too thin for corners to show.
+    pub(super) fn is_by_something_thin(&self, x: u32, y: u32, mut trace: impl FnMut(u32, u32) -> [f32; 3]) -> bool {
+        let Some(own) = self.color(x, y, &mut trace) else { return false };
+        [(-1, 0), (0, -1), (1, 0), (0, 1)].into_iter().any(|(dx, dy)| {
+            let mut at = |k: i32| self.color(x.wrapping_add_signed(k * dx), y.wrapping_add_signed(k * dy), &mut trace);
+            let Some(next) = at(1).filter(|next| self.is_far(&own, next)) else { return false };
+            at(2).is_some_and(|beyond| self.is_far(&next, &beyond))
         })
     }
 
@@ -295,6 +306,19 @@ mod tests {
                 assert!(quick > 1500 || !is_usual || threshold != 0.3, "{space:?} {threshold}: {quick}");
             }
         }
+    }
+
+    #[test]
+    fn thin_things_are_told_from_edges() {
+        let row = |colors: [f32; 5], x: u32| {
+            let centers = Centers::new(Antialias { threshold: 0.3, depth: 3 }, WorkingSpace::Linear, Rect::new(0, 0, 5, 1), 5, 1);
+            centers.is_by_something_thin(x, 0, |x, _| [colors[x as usize]; 3])
+        };
+        for (x, thin) in [(0, false), (1, true), (2, false), (3, true), (4, false)] {
+            assert_eq!(row([0.0, 0.0, 1.0, 0.0, 0.0], x), thin, "{x}");
+        }
+        // An edge, and something at the border of the picture, whose other side is not seen.
+        assert!((0..5).all(|x| !row([0.0, 0.0, 1.0, 1.0, 1.0], x)) && !row([1.0, 0.0, 0.0, 0.0, 0.0], 1));
     }
 
     #[test]

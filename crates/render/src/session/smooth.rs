@@ -7,7 +7,7 @@ use crate::integrator::Estimate;
 
 impl Session {
     /// Samples `begin..end` of a tile's pixels: the first is the center, the corners follow where it differs from a neighbor, and the others
-    /// where it differs from a corner.
+    /// where it differs from a corner or is beside something thin.
     pub(super) fn smooth_tile(&self, centers: &Centers, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
         let space = self.film.spec().space;
         let mut estimate = self.new_estimate();
@@ -23,17 +23,17 @@ impl Session {
                     centers.keep(x, y, own_rgb(&estimate, space));
                     self.add(tile, x, y, 0, 1.0, space, &estimate, &mut values);
                 }
-                let trace = |x, y| {
+                let mut trace = |x, y| {
                     self.center(x, y, &mut neighbor);
                     own_rgb(&neighbor, space)
                 };
-                if further.is_empty() || !centers.differs(x, y, trace) {
+                if further.is_empty() || !centers.differs(x, y, &mut trace) {
                     continue;
                 }
                 let stream = self.sampler.stream(x, y, 0);
                 let mut differs = false;
                 for index in traced.clone() {
-                    if index == 1 + CORNERS && !differs {
+                    if index == 1 + CORNERS && !differs && !centers.is_by_something_thin(x, y, &mut trace) {
                         break;
                     }
                     let (weight, _) = self.sample(x, y, stream.of_sample(index - 1), &mut estimate);
