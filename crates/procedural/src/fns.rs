@@ -1,6 +1,6 @@
 //! Elementary functions with the same bits on every machine.
 
-pub use libm::{acos, acosh, asin, asinh, atan, atan2, atanh, cos, cosh, exp, exp2, log, log2, log10, sin, sinh, tan, tanh};
+pub use libm::{acos, acosh, asin, asinh, atan, atan2, atanh, cos, cosh, erf, exp, exp2, log, log2, log10, sin, sinh, tan, tanh};
 
 pub use crate::power::{pow, pow_about};
 

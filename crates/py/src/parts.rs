@@ -80,8 +80,8 @@ impl Prepared {
         let (aovs, _) = Aov::parse_list(aovs).map_err(|e| errors::error(py, "SettingError", e))?;
         let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
         if settings.spp.is_none() && !fixed_spp {
-            plan.spp = if plan.is_uneven() && plan.antialias.is_none() { plan.spp } else { job::DEFAULT_SPP };
-            plan.antialias = None;
+            plan.spp = if plan.error_goal.is_some() { plan.spp } else { job::DEFAULT_SPP };
+            plan.be_even();
         }
         let pool = background::pool(py, threads)?;
         let (worker, worker_desc, worker_plan) = (Arc::clone(&pool), Arc::clone(desc), plan.clone());

@@ -111,7 +111,7 @@ pub fn render<'py>(py: Python<'py>, source: &Source, places: &Places, args: Rend
     let mut plan = Plan::new(desc, &settings, crop).map_err(job_error)?;
     let stop = stop(py, &settings, &plan, time, noise)?;
     if stop.spp.is_none() {
-        plan.antialias = None;
+        plan.be_even();
     }
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).stack_size(32 << 20).build();
     let pool = Arc::new(pool.map_err(|e| errors::error(py, "SettingError", format!("{threads} threads could not be started: {e}")))?);

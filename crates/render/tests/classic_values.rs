@@ -6,10 +6,10 @@
 use std::sync::Arc;
 
 use etendue_procedural::{Color, Finish, Layer, Pigment, Texture};
-use etendue_render::film::Film;
+use etendue_render::film::{Film, Rect};
 use etendue_render::session::job::{self, Plan};
 use etendue_render::session::{Cancel, Session, Silent, Stop};
-use etendue_scene::desc::classic::{Camera, CameraKind, ClassicScene, Fog, GlobalSettings, Light, LightKind, Object, Solid};
+use etendue_scene::desc::classic::{Camera, CameraKind, ClassicScene, FocalBlur, Fog, GlobalSettings, Light, LightKind, Object, Solid};
 use etendue_scene::{RenderSettings, SceneDesc, Span};
 use glam::DVec3;
 
@@ -334,12 +334,48 @@ fn smoothed_films_do_not_depend_on_threads_and_parts() {
     }
 }
 
-#[test]
-fn blur_takes_all_samples_and_settings_exclude_each_other() {
+/// The edge, out of focus.
+fn blurred_edge(variance: f64) -> ClassicScene {
     let mut s = edge();
-    s.camera.blur.aperture = 0.1;
-    s.camera.blur.samples = [4, 9];
-    let (mut session, stop) = session(s, &sized(4, 3), None);
+    let focal_point = s.camera.location + DVec3::Z * 2.0;
+    s.camera.blur = FocalBlur { aperture: 1.5, samples: [4, 40], focal_point, variance, ..FocalBlur::default() };
+    s
+}
+
+#[test]
+fn blurred_pixels_stop_when_their_color_is_known() {
+    let settings = sized(48, 36);
+    let rendered = |variance, threads| {
+        let (mut session, stop) = session(blurred_edge(variance), &settings, None);
+        render(&mut session, &stop, threads)
+    };
+    let counts = |film: &Film| (0..36).flat_map(|y| (0..48).map(move |x| (x, y))).map(|(x, y)| film.sample_count(x, y)).collect::<Vec<_>>();
+    let (one, all) = (rendered(0.012, 1), rendered(0.0, 2));
+    // Nothing differs far from the edge: three rays after the least number. At the edge an error of √.012 takes up to (1.64 · .5)² / .012 rays, more than there are.
+    let n = counts(&one);
+    assert!(counts(&all).iter().all(|n| *n == 40) && n.iter().all(|n| *n == 40 || (n - 4) % 3 == 0));
+    let [first, middle, last] = [7..8, 13..34, 40..41].map(|range| n.iter().filter(|n| range.contains(*n)).count());
+    assert!(first > 600 && middle > 20 && last > 60, "{first} {middle} {last}");
+    let (a, b) = (one.develop(), all.develop());
+    let pairs = a.rgb().unwrap().into_iter().zip(b.rgb().unwrap());
+    let square = pairs.map(|(a, b)| f64::from(a[0] - b[0]).powi(2)).sum::<f64>() / n.len() as f64;
+    assert!(square < 0.012 && square > 0.0, "{square}");
+    // Threads, parts of the picture and ranges of samples do not matter.
+    assert_eq!(a, rendered(0.012, 2).develop());
+    let (mut worker, _) = session(blurred_edge(0.012), &settings, None);
+    let mut merged = session(blurred_edge(0.012), &settings, None).0.into_film();
+    for (rect, first, count) in [([0, 0, 20, 36], 0, 40), ([20, 0, 48, 36], 9, 31), ([20, 0, 48, 36], 0, 9)] {
+        worker.set_part(Rect::new(rect[0], rect[1], rect[2], rect[3]), first).unwrap();
+        worker.render(&Stop { spp: Some(count), ..Stop::default() }, &Cancel::default(), &Silent).unwrap();
+        merged.merge(worker.film()).unwrap();
+    }
+    assert_eq!(a, merged.develop());
+    assert_eq!(n, counts(&merged));
+}
+
+#[test]
+fn numbers_of_samples_hold_for_all_pixels_and_settings_exclude_each_other() {
+    let (mut session, stop) = session(blurred_edge(0.004), &RenderSettings { spp: Some(9), ..sized(4, 3) }, None);
     assert_eq!(render(&mut session, &stop, 1).sample_count(0, 0), 9);
     let mut desc = SceneDesc::new("pov", "test.pov");
     desc.classic = Some(Box::new(edge()));

@@ -99,7 +99,7 @@ pub fn run(args: Args) -> anyhow::Result<ExitCode> {
         // Without a number of samples, time and noise alone decide.
         stop.spp = None;
         plan.spp = job::DEFAULT_SPP;
-        plan.antialias = None;
+        plan.be_even();
     }
     let mut session = pool.install(|| job::prepare(&desc, settings, &plan, &aovs)).map_err(|e| job_error(e, &desc))?;
     let loaded = start.elapsed();

@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
+use etendue_scene::desc::classic::CameraKind;
 use etendue_scene::desc::{FilmDesc, FilterDesc};
 use etendue_scene::{Fault, RenderSettings, SceneDesc};
 
-use super::{Antialias, Aov, Session};
+use super::{Antialias, Aov, Confidence, Session};
 use crate::classic::{self, WorkingSpace};
 use crate::film::{FilmError, FilmMeta, FilmSpec, Filter, Rect};
 use crate::integrator::{self, Integrator};
@@ -52,10 +53,12 @@ pub struct Plan {
     pub height: u32,
     /// Pixels to render.
     pub crop: Rect,
-    /// Samples per pixel; with antialiasing and adaptive sampling the most of them.
+    /// Samples per pixel; with antialiasing, focal blur and adaptive sampling the most of them.
     pub spp: u32,
     /// Fewer samples where the picture is flat.
     pub antialias: Option<Antialias>,
+    /// Fewer samples where a blurred picture is known well enough.
+    pub confidence: Option<Confidence>,
     /// The relative error at which pixels take no more samples.
     pub error_goal: Option<f64>,
     /// Reconstruction filter.
@@ -95,11 +98,14 @@ impl Plan {
             None => film.filter.map_or(Filter::GAUSSIAN, filter),
         };
         let error_goal = error_goal(settings)?;
+        let camera = classic.map(|c| &c.camera).filter(|c| !matches!(c.kind, CameraKind::Mesh(_)));
+        let is_free = settings.spp.is_none() && film.spp.is_none() && error_goal.is_none();
+        let confidence = camera.filter(|_| is_free).and_then(|camera| Confidence::new(&camera.blur));
         let sampler = match (&settings.sampler, film.sampler.as_str()) {
             (Some(name), _) => SamplerKind::from_name(name)
                 .ok_or_else(|| JobError::Setting(format!("no sampler `{name}`; there are sobol, independent, stratified, halton")))?,
             // The file's choice is about its own renderer; ours is at least as good.
-            (None, _) if classic.is_some() && error_goal.is_none() => SamplerKind::Stratified,
+            (None, _) if classic.is_some() && error_goal.is_none() && confidence.is_none() => SamplerKind::Stratified,
             (None, _) => SamplerKind::Sobol,
         };
         if let Some(name) = settings.light_sampler.as_deref().filter(|n| !LIGHT_SAMPLERS.contains(n)) {
@@ -120,12 +126,18 @@ impl Plan {
             .integrator
             .clone()
             .unwrap_or_else(|| if desc.integrator.name.is_empty() { integrator::DEFAULT.to_owned() } else { desc.integrator.name.clone() });
-        Ok(Self { width, height, crop, spp, antialias, error_goal, filter, sampler, integrator })
+        Ok(Self { width, height, crop, spp, antialias, confidence, error_goal, filter, sampler, integrator })
     }
 
     /// Whether pixels may take fewer samples than [`Plan::spp`]; then the samples of a pixel are all rendered together.
     pub fn is_uneven(&self) -> bool {
-        self.antialias.is_some() || self.error_goal.is_some()
+        self.antialias.is_some() || self.confidence.is_some() || self.error_goal.is_some()
+    }
+
+    /// Gives each pixel as many samples as others, but for those that an error is the goal of.
+    pub fn be_even(&mut self) {
+        self.antialias = None;
+        self.confidence = None;
     }
 }
 
@@ -243,6 +255,9 @@ pub fn prepare_compiled(
     if let Some(antialias) = plan.antialias {
         session.set_antialias(antialias);
     }
+    if let Some(confidence) = plan.confidence {
+        session.set_confidence(confidence);
+    }
     if let Some(goal) = plan.error_goal {
         session.set_error_goal(goal);
     }
@@ -304,6 +319,7 @@ fn settings_hash(desc: &SceneDesc, s: &RenderSettings, plan: &Plan, view: Option
         ..s.clone()
     };
     let antialias = plan.antialias.map_or(String::new(), |a| format!(" antialias {}/{}", a.threshold, a.depth));
+    let confidence = plan.confidence.map_or(String::new(), |c| format!(" blur {} {}", c.least, c.variance));
     let view = view.map_or(String::new(), |v| format!(" view {:?} {}", v.world_from_camera.to_cols_array(), v.zoom));
-    format!("{} {:?}/{stratified}{antialias}{view} {}", plan.integrator, plan.sampler, method.given())
+    format!("{} {:?}/{stratified}{antialias}{confidence}{view} {}", plan.integrator, plan.sampler, method.given())
 }

@@ -5,11 +5,13 @@
 
 mod adaptive;
 mod antialias;
+mod blurred;
 mod channels;
 pub mod job;
 mod smooth;
 
 pub use antialias::Antialias;
+pub use blurred::Confidence;
 pub use channels::{Aov, film_channels};
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -27,6 +29,7 @@ use crate::sampler::{SampleStream, Sampler, SamplerKind};
 use crate::scene::Scene;
 use adaptive::{BLOCK, STEP};
 use antialias::Centers;
+use blurred::Blurred;
 
 /// Edge of a tile in pixels.
 const TILE: u32 = 32;
@@ -124,6 +127,7 @@ pub struct Session {
     film: Film,
     order_tiles: Option<fn(&mut Vec<Rect>)>,
     centers: Option<Centers>,
+    blurred: Option<Blurred>,
     error_goal: Option<f64>,
     is_prepared: bool,
     /// The integrator takes the camera's rays; otherwise only the point of the picture.
@@ -163,6 +167,7 @@ impl Session {
             film,
             order_tiles: None,
             centers: None,
+            blurred: None,
             error_goal: None,
             is_prepared: false,
             needs_camera,
@@ -175,6 +180,11 @@ impl Session {
     pub fn set_antialias(&mut self, antialias: Antialias) {
         let spec = self.film.spec();
         self.centers = Some(Centers::new(antialias, spec.space, self.film.rect(), spec.width, spec.height));
+    }
+
+    /// Lets pixels of a blurred picture take samples until they are good enough.
+    pub fn set_confidence(&mut self, confidence: Confidence) {
+        self.blurred = Some(Blurred::new(confidence));
     }
 
     /// Sets the relative error at which pixels take no more samples. The first sample must be that of index 0, parts of a picture must begin
@@ -219,6 +229,7 @@ impl Session {
         if let Some(centers) = &self.centers {
             self.centers = Some(Centers::new(centers.antialias(), spec.space, rect, spec.width, spec.height));
         }
+        self.blurred = self.blurred.as_ref().map(Blurred::anew);
         Ok(())
     }
 
@@ -414,6 +425,9 @@ impl Session {
     fn render_tile(&self, tile: &mut Film, rect: Rect, begin: u32, end: u32) {
         if let Some(centers) = &self.centers {
             return self.smooth_tile(centers, tile, rect, begin, end);
+        }
+        if let Some(blurred) = &self.blurred {
+            return self.blurred_tile(blurred, tile, rect, begin, end);
         }
         let space = self.film.spec().space;
         let mut estimate = self.new_estimate();

@@ -87,7 +87,7 @@ impl Bench<'_> {
         let mut plan = Plan::new(self.desc, &settings, None).map_err(|e| self.describe(&e))?;
         if stop.spp.is_none() {
             plan.spp = job::DEFAULT_SPP;
-            plan.antialias = None;
+            plan.be_even();
         }
         if let Some(image) = reference.filter(|r| [r.width, r.height] != [plan.width, plan.height]) {
             return Err(format!("the reference has {}×{} pixels, the picture {}×{}", image.width, image.height, plan.width, plan.height));

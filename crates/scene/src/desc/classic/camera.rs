@@ -72,7 +72,7 @@ impl FocalBlur {
 
 impl Default for FocalBlur {
     fn default() -> Self {
-        Self { aperture: 0.0, samples: [0, 0], focal_point: DVec3::ZERO, confidence: 0.9, variance: 1.0 / 128.0, bokeh: None }
+        Self { aperture: 0.0, samples: [0, 0], focal_point: DVec3::ZERO, confidence: 0.9, variance: 1e-4, bokeh: None }
     }
 }
 
@@ -120,7 +120,7 @@ impl Camera {
     pub fn samples(&self) -> Option<u32> {
         match &self.kind {
             CameraKind::Mesh(mesh) if mesh.distribution < 3 => Some(mesh.rays_per_pixel.clamp(1, 4096)),
-            _ if self.blur.is_on() => Some(self.blur.samples[1].clamp(9, 100)),
+            _ if self.blur.is_on() => Some(self.blur.samples[1].clamp(1, 4096)),
             _ => None,
         }
     }

@@ -130,7 +130,7 @@ impl Parser {
                     let most = self.float()?.clamp(0.0, 1e6) as u32;
                     [first.min(most), most]
                 } else {
-                    [if first < 7 { 4 } else { 7 }.min(first), first]
+                    [4.min(first), first]
                 };
             }
             "aperture" => camera.blur.aperture = self.float()?,
