@@ -304,6 +304,36 @@ fn clear_box(half: f64, interior: &str) -> String {
 }
 
 #[test]
+fn fresnels_mirrors_know_what_a_ray_is_in() {
+    // A slab whose far side mirrors, and around it something else.
+    let sky = "sky_sphere { pigment { rgb .9 } }\n";
+    let slab = format!(
+        "{sky} intersection {{ plane {{ -z, 0 {TRANSPARENT} }} plane {{ z, 1 pigment {{ rgb 0 }} finish {{ ambient 0 diffuse 0 reflection {{ 0, 1 fresnel }} }} }}
+            hollow interior {{ ior 1.5 }} }}\n"
+    );
+    let around = |interior: &str| format!("sphere {{ 0, 500 hollow {TRANSPARENT} {interior} }}\n");
+    let towards = |d: f64, scene: &str, value: f64| {
+        let camera = format!("camera {{ orthographic location <0, 0, -1> direction <{d}, 0, 1> right .001*z up .001*y }}");
+        let got = picture(&format!("{HEAD}{camera}{scene}"), [1, 1])[0];
+        same(got, [value; 3], scene);
+    };
+    for (d, value) in [(0.3, 0.03612), (1.0, 0.04521), (3.0, 0.1733), (9.0, 0.48637)] {
+        towards(d, &slab, value);
+        for interior in ["", "interior { ior 1 }", "interior { ior 1.2 }"] {
+            towards(d, &format!("{slab}{}", around(interior)), 0.0);
+        }
+    }
+    // The camera is in both: what was last found around it is beyond.
+    let ground = format!(
+        "{sky} plane {{ z, 1 hollow pigment {{ rgb 0 }} finish {{ ambient 0 diffuse 0 reflection {{ 0, 1 fresnel }} }} interior {{ ior 1.5 }} }}\n"
+    );
+    let [inner, outer] = [around("interior { ior 1.4 }"), around("interior { ior 1.2 }")];
+    towards(0.3, &format!("{ground}{outer}"), 0.01126);
+    towards(0.7, &format!("{ground}{outer}"), 0.01665);
+    towards(2.0, &format!("{ground}{outer}{inner}"), 0.04457);
+}
+
+#[test]
 fn media_that_share_a_space_scatter_alike() {
     // The angle of the light to the camera's axis is 30 degrees.
     let light = "light_source { <500, 0, 866.0254> rgb 1 parallel point_at 0 }";

@@ -21,7 +21,7 @@ use rayon::prelude::*;
 use super::finish::reflectance;
 use super::light::Lamp;
 use super::media::collect_photons;
-use super::refract::{Stack, band_color, beyond, inner_attenuation, refracted};
+use super::refract::{Stack, band_color, beyond, fresnel_ratio, inner_attenuation, refracted};
 use super::trace::{DEPTH_LIMIT, NEAR};
 use super::{ClassicWorld, atmosphere, peak};
 use crate::photon::tree::{MAX_NEIGHBORS, Neighbors};
@@ -451,7 +451,7 @@ impl ClassicWorld {
                     }
                     met.old = met.old.or(finish.old_interior.ior);
                     met.scatters |= finish.diffuse != 0.0 || finish.phong != 0.0 || finish.specular != 0.0;
-                    let ior = if finish.reflection.fresnel { beyond(&going.inside, hit, met.old, going.band).1 } else { 1.0 };
+                    let ior = if finish.reflection.fresnel { fresnel_ratio(&going.inside, hit, met.old, going.band) } else { 1.0 };
                     let mirror = reflectance(&finish.reflection, (-bent.dot(d)).clamp(0.0, 1.0), ior, pigment.rgb);
                     met.mirror += passing * mirror;
                     passing *= pigment.passing();

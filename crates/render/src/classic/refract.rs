@@ -77,6 +77,19 @@ pub(super) fn beyond(stack: &Stack, hit: &SolidHit<'_>, old_ior: Option<f64>, ba
     }
 }
 
+/// The index of refraction beyond a surface over that here, as Fresnel's mirrors take it: where a ray leaves an object, what it is in last
+/// counts as beyond, be it that object itself, which then mirrors nothing; air only where it is in nothing else (measured).
+pub(super) fn fresnel_ratio(stack: &Stack, hit: &SolidHit<'_>, old_ior: Option<f64>, band: Option<f64>) -> f64 {
+    let own = Within::new(hit.object, hit.whole, old_ior);
+    let last = stack.last().map_or(1.0, |w| w.ior(band));
+    let leaves = stack.iter().any(|w| w.identity == own.identity);
+    match leaves {
+        true if stack.len() == 1 => 1.0 / own.ior(band),
+        true => last / own.ior(band),
+        false => own.ior(band) / last,
+    }
+}
+
 /// Light of red, green and blue up to a place of the spectrum of split light (t, red, green, blue), read from pictures of POV-Ray in which a
 /// surface splits light into 2, 3 and 7 colors.
 const SPECTRUM: [[f64; 4]; 11] = [

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use super::finish::{diffuse, highlights, iridescence, metallic, opacity, reflectance, reflected, stirred};
 use super::photons::photons_found_on;
-use super::refract::{Stack, band_color, beyond, refracted};
+use super::refract::{Stack, band_color, beyond, fresnel_ratio, refracted};
 use super::shadow::Receiver;
 use super::trace::{First, Ray, Traced, Tracer};
 use super::{ClassicWorld, peak};
@@ -152,7 +152,7 @@ impl<'a> Tracer<'a, '_> {
                 color += passing * pigment.rgb * glow * opacity;
             }
             color += passing * self.lit(place, layer, &pigment, n, opacity);
-            let ior = if finish.reflection.fresnel { ratio() } else { 1.0 };
+            let ior = if finish.reflection.fresnel { fresnel_ratio(ray.inside, place.hit, old, ray.band) } else { 1.0 };
             let mirror = reflectance(&finish.reflection, n.dot(place.view).clamp(0.0, 1.0), ior, pigment.rgb);
             let share = passing * mirror;
             if peak(share.abs()) > 0.0 && ray.weight * peak(share.abs()) >= settings.adc_bailout {
