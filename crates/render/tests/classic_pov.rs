@@ -334,6 +334,15 @@ fn fresnels_mirrors_know_what_a_ray_is_in() {
 }
 
 #[test]
+fn tiles_begin_with_the_second() {
+    let glow = |gray: f64| format!("texture {{ pigment {{ rgb {gray} }} finish {{ ambient 1 diffuse 0 }} }}");
+    let tiles = format!("texture {{ tiles {{ {} tile2 {} }} }}", glow(0.2), glow(0.8));
+    for ([x, y], value) in [([0.5, 0.5], 0.8), ([1.5, 0.5], 0.2), ([0.5, -0.5], 0.2), ([1.5, 1.5], 0.8)] {
+        is(&format!("plane {{ -z, -.5 {tiles} translate <{}, {}, 0> }}", -x, -y), [value; 3]);
+    }
+}
+
+#[test]
 fn media_that_share_a_space_scatter_alike() {
     // The angle of the light to the camera's axis is 30 degrees.
     let light = "light_source { <500, 0, 866.0254> rgb 1 parallel point_at 0 }";

@@ -100,9 +100,10 @@ impl Parser {
         let span = self.span();
         if self.accept("tiles")? {
             self.expect("{")?;
-            let mut list = vec![self.tile()?];
+            let odd = self.tile()?;
             self.expect("tile2")?;
-            list.push(self.tile()?);
+            // The second one is where a checker's first is (measured).
+            let list = vec![self.tile()?, odd];
             self.expect("}")?;
             let pattern = Pattern::new(PatternKind::Checker);
             *texture = Texture::Patterned(Box::new(PatternedTexture::new(pattern, TextureFill::List(Arc::new(list)))));
