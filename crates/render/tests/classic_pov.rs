@@ -296,11 +296,10 @@ fn at(place: [f64; 3], from: &str, scene: &str, expected: f64, tolerance: f64) {
 }
 
 const REFRACTING: &str = "target refraction on";
-const TRANSPARENT: &str = "pigment { rgbt 1 } finish { ambient 0 diffuse 0 }";
 
 /// A box with an interior around the origin, before a black wall.
 fn clear_box(half: f64, interior: &str) -> String {
-    format!("box {{ -{half}, {half} hollow {TRANSPARENT} interior {{ {interior} }} }}\n")
+    format!("box {{ -{half}, {half} hollow {CLEAR} interior {{ {interior} }} }}\n")
 }
 
 #[test]
@@ -308,10 +307,10 @@ fn fresnels_mirrors_know_what_a_ray_is_in() {
     // A slab whose far side mirrors, and around it something else.
     let sky = "sky_sphere { pigment { rgb .9 } }\n";
     let slab = format!(
-        "{sky} intersection {{ plane {{ -z, 0 {TRANSPARENT} }} plane {{ z, 1 pigment {{ rgb 0 }} finish {{ ambient 0 diffuse 0 reflection {{ 0, 1 fresnel }} }} }}
+        "{sky} intersection {{ plane {{ -z, 0 {CLEAR} }} plane {{ z, 1 pigment {{ rgb 0 }} finish {{ ambient 0 diffuse 0 reflection {{ 0, 1 fresnel }} }} }}
             hollow interior {{ ior 1.5 }} }}\n"
     );
-    let around = |interior: &str| format!("sphere {{ 0, 500 hollow {TRANSPARENT} {interior} }}\n");
+    let around = |interior: &str| format!("sphere {{ 0, 500 hollow {CLEAR} {interior} }}\n");
     let towards = |d: f64, scene: &str, value: f64| {
         let camera = format!("camera {{ orthographic location <0, 0, -1> direction <{d}, 0, 1> right .001*z up .001*y }}");
         let got = picture(&format!("{HEAD}{camera}{scene}"), [1, 1])[0];
@@ -388,7 +387,7 @@ fn shadow_rays_sample_media_part_by_part() {
         let scene = format!(
             "{HEAD} camera {{ orthographic location <.5, -.2, 0> direction -y right .01*x up .01*z }}
             light_source {{ <.5, 1000, 0> rgb 1 parallel point_at <.5, 0, 0> }} plane {{ y, -.5 pigment {{ rgb 1 }} finish {{ ambient 0 diffuse 1 }} }}
-            box {{ <-.5, 0, -1>, <1.5, 1, 1> hollow {TRANSPARENT} interior {{ {medium} }} }} {more}"
+            box {{ <-.5, 0, -1>, <1.5, 1, 1> hollow {CLEAR} interior {{ {medium} }} }} {more}"
         );
         -f64::from(picture(&scene, [1, 1])[0][0]).ln()
     };
@@ -404,7 +403,7 @@ fn shadow_rays_sample_media_part_by_part() {
         takes(h, "method 2 samples 4 intervals 1", "", parts * 0.25);
     }
     // What lies inside divides the way; in what is solid there are no media.
-    let inner = |hollow: &str| format!("box {{ <-.4, .5, -.9>, <1.4, .9, .9> {hollow} {TRANSPARENT} }}");
+    let inner = |hollow: &str| format!("box {{ <-.4, .5, -.9>, <1.4, .9, .9> {hollow} {CLEAR} }}");
     let rule = "method 3 samples 4 intervals 1";
     takes(0.4, rule, &inner("hollow"), 0.4 + 0.1);
     takes(0.4, rule, &inner(""), 0.1);
@@ -432,7 +431,7 @@ fn photons_go_where_lamps_and_objects_say() {
     seen("", REFRACTING, &(floor("") + &clear("photons { pass_through }")), 1.0, noise);
     seen("", REFRACTING, &(floor("") + &window(&format!("{tinted} photons {{ pass_through }}"))), 0.25, noise);
     // Behind the target what it says, else what the lamp says.
-    let below = |items: &str| floor("") + &format!("box {{ <-3, -3, -3>, <3, 0, 3> {TRANSPARENT} {items} }}");
+    let below = |items: &str| floor("") + &format!("box {{ <-3, -3, -3>, <3, 0, 3> {CLEAR} {items} }}");
     for (light, object, value) in [
         ("", "", 0.0),
         ("", "photons { refraction on }", 1.0),
@@ -456,7 +455,7 @@ fn photons_go_where_lamps_and_objects_say() {
 fn photons_light_media() {
     let glow = "scattering { 1, .02 extinction 0 }";
     let seen = |place: [f64; 3], photons: &str, media: &str, value: f64, tolerance: f64| {
-        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {TRANSPARENT} interior {{ media {{ {media} }} }} }}");
+        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {CLEAR} interior {{ media {{ {media} }} }} }}");
         at(place, "-z*5", &below_a_target(photons, "photons { refraction on }", REFRACTING, &things), value, tolerance);
     };
     let photons = "spacing .05 media 1000";
@@ -472,7 +471,7 @@ fn photons_light_media() {
     seen([0.0; 3], photons, &format!("{glow} collect off"), 0.03999, 1e-3);
     // A near light's photons spread, so that media get brighter the farther they are from it (as they do in POV-Ray).
     for (y, value) in [(2.0, 0.04228), (0.0, 0.05594), (-3.5, 0.0788)] {
-        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {TRANSPARENT} interior {{ media {{ {glow} }} }} }}");
+        let things = format!("box {{ <-3, -4, -1>, <3, 2.5, 1> hollow {CLEAR} interior {{ media {{ {glow} }} }} }}");
         let scene = below_a_target(photons, "photons { refraction on }", REFRACTING, &things).replace("1000, 0>", "8, 0>");
         at([0.5, y, 0.0], "-z*5", &scene, value, 0.05);
     }

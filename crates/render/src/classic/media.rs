@@ -16,6 +16,9 @@ use super::trace::Tracer;
 use super::{ClassicWorld, atmosphere, peak};
 use crate::solid::Line;
 
+/// About the most samples of media that a part of a shadow ray takes.
+const MOST_IN_SHADOWS: u32 = 10_000;
+
 /// What a place in media does to light, per unit of length.
 #[derive(Clone, Copy, Default)]
 struct Place {
@@ -233,7 +236,8 @@ impl ClassicWorld {
         }
         let Some(rule) = media.first() else { return DVec3::ONE };
         let samples = media.iter().map(|m| m.samples[0]).max().unwrap_or(1);
-        let intervals = media.iter().map(|m| m.intervals).max().unwrap_or(1).clamp(1, 10_000);
+        // For each of a viewing ray's samples and each light: bounded, whatever a file asks for.
+        let intervals = media.iter().map(|m| m.intervals).max().unwrap_or(1).clamp(1, (MOST_IN_SHADOWS / samples.max(1)).max(1));
         let piece = length / f64::from(intervals);
         let place = |t: f64| {
             let p = line.at(t);

@@ -196,19 +196,12 @@ impl Lamp {
 
 /// Whether a surface's shadow of a lamp is left to the photons.
 pub(super) fn takes_shadow(photons: &PhotonSettings, lamp: &Lamp) -> bool {
-    photons.target.is_some() && !passes_through(photons) && refracts(photons, lamp) && lamp.shoots()
+    photons.target.is_some() && !passes_through(photons) && sends_on(photons.refraction, lamp.light.photon_refraction) && lamp.shoots()
 }
 
-/// Whether an object refracts photons of a lamp: what it says, else what the lamp says, unless the lamp forbids it (measured).
-fn refracts(photons: &PhotonSettings, lamp: &Lamp) -> bool {
-    lamp.light.photon_refraction.is_some_and(|on| on && photons.refraction != Some(false))
-        || lamp.light.photon_refraction.is_none() && photons.refraction == Some(true)
-}
-
-/// The same for mirrors.
-fn reflects(photons: &PhotonSettings, lamp: &Lamp) -> bool {
-    lamp.light.photon_reflection.is_some_and(|on| on && photons.reflection != Some(false))
-        || lamp.light.photon_reflection.is_none() && photons.reflection == Some(true)
+/// Whether an object refracts or mirrors photons of a lamp: what it says, else what the lamp says, unless the lamp forbids it (measured).
+fn sends_on(object: Option<bool>, lamp: Option<bool>) -> bool {
+    lamp != Some(false) && object.or(lamp) == Some(true)
 }
 
 /// Whether photons on their way to a target go straight through an object: not if it is one that is told to refract them (measured).
@@ -374,10 +367,10 @@ impl ClassicWorld {
             };
             let d = going.line.d;
             let mirrored = d - met.normal * (2.0 * d.dot(met.normal));
-            if reflects(photons, lamp) && peak(color * met.mirror) > bailout {
+            if sends_on(photons.reflection, light.photon_reflection) && peak(color * met.mirror) > bailout {
                 pending.push(next(mirrored, color * met.mirror, going.inside.clone(), going.band));
             }
-            if !refracts(photons, lamp) || !(peak(color * met.passing) > bailout) {
+            if !sends_on(photons.refraction, light.photon_refraction) || !(peak(color * met.passing) > bailout) {
                 continue;
             }
             let splits = hit.object.interior.as_ref().filter(|i| going.band.is_none() && i.dispersion != 1.0);

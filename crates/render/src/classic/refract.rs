@@ -37,7 +37,7 @@ impl Within {
     }
 
     fn ior(&self, band: Option<f64>) -> f64 {
-        self.interior.as_ref().map_or(self.old_ior.unwrap_or(1.0), |i| ior_of(i, band))
+        object_ior(self.interior.as_deref(), self.old_ior, band)
     }
 }
 
@@ -46,6 +46,11 @@ pub(super) type Stack = Vec<Within>;
 
 /// Most objects that a ray may be inside of; it enters no more.
 const DEPTH_LIMIT: usize = 100;
+
+/// That of an object, whose finish may give it where there is no interior.
+fn object_ior(interior: Option<&Interior>, old_ior: Option<f64>, band: Option<f64>) -> f64 {
+    interior.map_or(old_ior.unwrap_or(1.0), |i| ior_of(i, band))
+}
 
 /// The index of refraction for a color of the split light, from 0 for red to 1 for violet; the middle where light is whole.
 fn ior_of(interior: &Interior, band: Option<f64>) -> f64 {
@@ -80,13 +85,13 @@ pub(super) fn beyond(stack: &Stack, hit: &SolidHit<'_>, old_ior: Option<f64>, ba
 /// The index of refraction beyond a surface over that here, as Fresnel's mirrors take it: where a ray leaves an object, what it is in last
 /// counts as beyond, be it that object itself, which then mirrors nothing; air only where it is in nothing else (measured).
 pub(super) fn fresnel_ratio(stack: &Stack, hit: &SolidHit<'_>, old_ior: Option<f64>, band: Option<f64>) -> f64 {
-    let own = Within::new(hit.object, hit.whole, old_ior);
+    let own = object_ior(hit.object.interior.as_deref(), old_ior, band);
     let last = stack.last().map_or(1.0, |w| w.ior(band));
-    let leaves = stack.iter().any(|w| w.identity == own.identity);
-    match leaves {
-        true if stack.len() == 1 => 1.0 / own.ior(band),
-        true => last / own.ior(band),
-        false => own.ior(band) / last,
+    let identity = identity(hit.object, hit.whole);
+    match stack.iter().any(|w| w.identity == identity) {
+        true if stack.len() == 1 => 1.0 / own,
+        true => last / own,
+        false => own / last,
     }
 }
 

@@ -8,7 +8,7 @@ use glam::{DVec2, DVec3};
 
 use super::light::Lamp;
 use super::photons::takes_shadow;
-use super::refract::{Identity, Stack, Within, attenuation, identity};
+use super::refract::{Identity, Stack, attenuation, identity};
 use super::trace::Tracer;
 use super::{ClassicWorld, peak};
 use crate::solid::{Line, Outlook, RayKind, SolidHit};
@@ -101,15 +101,13 @@ impl<'a> Tracer<'a, '_> {
             return passing * self.air_passing(lamp, &line, [0.0, distance]);
         }
         passes.sort_by(|a, b| a.t.total_cmp(&b.t));
-        let own = |w: &'_ Within| (w.identity, w.interior.clone(), w.hollow);
-        let mut within: Vec<_> = lit.inside.iter().map(own).collect();
+        let mut within: Vec<_> = lit.inside.iter().map(|w| (w.identity, w.interior.as_deref(), w.hollow)).collect();
         let mut last = 0.0;
         for pass in &passes {
             passing *= pass.color;
             let from = std::mem::replace(&mut last, pass.t);
             if within.iter().all(|(.., hollow)| *hollow) {
-                let mut media: Vec<&Media> =
-                    within.iter().filter_map(|(_, interior, _)| interior.as_ref()).flat_map(|i| &i.media).collect();
+                let mut media: Vec<&Media> = within.iter().filter_map(|(_, interior, _)| *interior).flat_map(|i| &i.media).collect();
                 if lamp.light.media_attenuation {
                     media.extend(&world.scene.atmosphere);
                 }
@@ -119,7 +117,7 @@ impl<'a> Tracer<'a, '_> {
             }
             let left = within.iter().position(|(identity, ..)| *identity == pass.identity).map(|at| within.swap_remove(at));
             if left.is_none() {
-                within.push((pass.identity, pass.interior.clone(), pass.hollow));
+                within.push((pass.identity, pass.interior.as_deref(), pass.hollow));
             }
             let Some(interior) = &pass.interior else { continue };
             if interior.caustics != 0.0 {
