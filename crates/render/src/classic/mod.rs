@@ -80,10 +80,10 @@ pub struct ClassicWorld {
 const LAMPS_THAT_LOOK_AROUND: usize = 64;
 
 impl ClassicWorld {
-    /// Prepares a scene for a picture of a size. Pictures that cannot be read are returned as sentences and are black.
+    /// Prepares a scene for a picture of a size. Pictures that cannot be read are returned as sentences and are black; so is what is said of photons.
     pub fn new(scene: &ClassicScene, size: [u32; 2]) -> (Self, Vec<String>) {
         let space = WorkingSpace::new(&scene.settings);
-        let (pictures, faults) = Pictures::load(&scene.images, &scene.settings, space);
+        let (pictures, mut faults) = Pictures::load(&scene.images, &scene.settings, space);
         let world = World::with_images(&scene.objects, Some(&pictures));
         let mut lamps: Vec<Lamp> = scene.lights.iter().map(Lamp::new).collect();
         lamps.iter_mut().take(LAMPS_THAT_LOOK_AROUND).for_each(|l| l.look_around(&world));
@@ -106,6 +106,7 @@ impl ClassicWorld {
         };
         if let Some(settings) = &scene.settings.photons {
             made.photons = photons::PhotonLight::build(&made, settings);
+            faults.extend(made.photons.as_ref().and_then(photons::PhotonLight::warning));
         }
         made.adapt_to_camera(size);
         (made, faults)

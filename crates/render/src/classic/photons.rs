@@ -55,6 +55,8 @@ const CHUNK: usize = 4096;
 pub(super) struct PhotonLight {
     surfaces: Nearby,
     media: Nearby,
+    /// How much wider the spacing is than was asked for.
+    widened: f64,
 }
 
 /// Photons, with how many of them are gathered from how far.
@@ -143,7 +145,14 @@ impl PhotonLight {
         let [radius, factor, media_radius, media_factor] = settings.radius;
         let surfaces = nearby(kept.surfaces, radius, factor, spacing);
         let media = nearby(kept.media, media_radius, media_factor, spacing * settings.media_factor.max(1.0));
-        Some(Self { surfaces, media })
+        Some(Self { surfaces, media, widened: spacing / wanted })
+    }
+
+    /// What is to be said of photons that are not as was asked for.
+    pub(super) fn warning(&self) -> Option<String> {
+        let factor = self.widened;
+        (factor > 1.0)
+            .then(|| format!("photons: their spacing is {factor:.3} times as wide as asked for, or there would be too many of them"))
     }
 
     /// Gives the photons that fall on the side of `n`: where each came from, and the color of a lamp that would bring as much light.

@@ -219,7 +219,7 @@ impl<'a> Tracer<'a, '_> {
             self.lights(place);
         }
         let both = place.hit.object.double_illuminate;
-        let photons_found = photons_found_on(n.dot(place.n));
+        let photons_found = if self.world.photons.is_some() { photons_found_on(n.dot(place.n)) } else { 1.0 };
         let mut sum = DVec3::ZERO;
         let settings = self.world.settings();
         let film = finish.irid.filter(|f| f.amount != 0.0).map(|f| stirred(f, place.hit.p, settings.noise_generator));
